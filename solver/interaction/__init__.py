@@ -1,0 +1,1 @@
+"""Interaction between loops: relative gains, pairing, zeros, decoupling, integrity."""

@@ -1,0 +1,1 @@
+"""Upper and lower bounds of the structured singular value, and their certificates."""

@@ -1,0 +1,1 @@
+"""Time responses with exact dead time: closed loops and relay experiments."""

@@ -1,0 +1,198 @@
+"""Rational transfer functions with dead time, g(s) = num(s)/den(s) exp(-dead_time s)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from solver.errors import InvalidInputError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["LARGEST", "MAX_ORDER", "TransferFunction"]
+
+# Products of a few dozen such numbers still fit a double, so no evaluation can overflow.
+LARGEST = 1e12
+MAX_ORDER = 20
+
+
+@dataclass(frozen=True)
+class TransferFunction:
+    """A proper rational function of s times a dead time.
+
+    Parameters
+    ----------
+    num, den : sequence of float
+        Coefficients in descending powers of s. The first one is not zero, except that
+        ``num = (0,)`` is the zero function. ``len(num) <= len(den)``.
+    dead_time : float
+        Dead time >= 0, in the caller's time unit.
+
+    Raises
+    ------
+    InvalidInputError
+        An empty or zero-leading polynomial, a number that is not finite or is above `LARGEST`
+        in magnitude, an improper quotient, an order above `MAX_ORDER`, a negative dead time.
+
+    Examples
+    --------
+    >>> lag = TransferFunction([1], [100, 1])
+    >>> lag.poles
+    array([-0.01+0.j])
+    >>> lag(0.0)
+    (1+0j)
+
+    """
+
+    num: tuple[float, ...]
+    den: tuple[float, ...]
+    dead_time: float = 0.0
+
+    def __init__(self, num: Sequence[float], den: Sequence[float], dead_time: float = 0.0) -> None:
+        object.__setattr__(self, "num", _polynomial(num, "/num"))
+        object.__setattr__(self, "den", _polynomial(den, "/den"))
+        object.__setattr__(self, "dead_time", float(dead_time))
+        if self.den[0] == 0:
+            message = "the denominator is zero"
+            raise InvalidInputError(message, "/den")
+        if len(self.num) > len(self.den):
+            message = (
+                f"improper: the numerator has degree {len(self.num) - 1}, "
+                f"above the denominator's {len(self.den) - 1}"
+            )
+            raise InvalidInputError(message, "/num")
+        if not 0 <= self.dead_time <= LARGEST:
+            message = f"the dead time must lie in 0..{LARGEST:g}"
+            raise InvalidInputError(message, "/dead_time")
+
+    @property
+    def is_zero(self) -> bool:
+        """Whether this is the zero function."""
+        return self.num == (0.0,)
+
+    @property
+    def relative_degree(self) -> int:
+        """Degree of the denominator minus that of the numerator."""
+        return len(self.den) - len(self.num)
+
+    @cached_property
+    def poles(self) -> NDArray[np.complex128]:
+        """Roots of the denominator, (order,) complex."""
+        return np.roots(self.den).astype(complex)
+
+    @cached_property
+    def zeros(self) -> NDArray[np.complex128]:
+        """Roots of the numerator, complex."""
+        return np.roots(self.num).astype(complex)
+
+    @cached_property
+    def integrators(self) -> int:
+        """Number of poles at s = 0 that no zero there cancels."""
+        if self.is_zero:
+            return 0
+        return max(_trailing_zeros(self.den) - _trailing_zeros(self.num), 0)
+
+    @property
+    def static_gain(self) -> float:
+        """Value at s = 0; infinite with the sign of the residue for an integrating process."""
+        if self.is_zero:
+            return 0.0
+        num, den = self._without_common_origin_roots()
+        if den[-1] == 0:
+            lowest = next(c for c in reversed(den) if c != 0)
+            return math.copysign(math.inf, num[-1] / lowest)
+        return num[-1] / den[-1]
+
+    def __call__(self, s: ArrayLike) -> NDArray[np.complex128] | complex:
+        """Value at the complex points `s` (any shape)."""
+        points = np.asarray(s, dtype=complex)
+        # Horner's rule in s where |s| <= 1 and in 1/s elsewhere: no power of s can overflow.
+        inside = np.abs(points) <= 1
+        near = np.where(inside, points, 1)
+        far = np.where(inside, 1, 1 / np.where(inside, 1, points))
+        value = np.where(
+            inside,
+            _horner(self.num, near) / _nonzero(_horner(self.den, near)),
+            _horner(self.num[::-1], far)
+            / _nonzero(_horner(self.den[::-1], far))
+            * far**self.relative_degree,
+        )
+        if self.dead_time:
+            value = value * np.exp(-self.dead_time * points)
+        return complex(value) if value.ndim == 0 else value
+
+    def response(self, omega: ArrayLike) -> NDArray[np.complex128]:
+        """Frequency response at `omega` (rad per time unit), (k,) complex."""
+        return np.atleast_1d(self(1j * np.asarray(omega, dtype=float)))
+
+    def derivative_at_zero(self) -> float:
+        """First Taylor coefficient at s = 0, dead time exact.
+
+        Raises
+        ------
+        InvalidInputError
+            The function has a pole at s = 0.
+
+        """
+        num, den = self._without_common_origin_roots()
+        if den[-1] == 0:
+            message = "the process integrates: no Taylor expansion at s = 0"
+            raise InvalidInputError(message, "/den")
+        slope_num = num[-2] if len(num) > 1 else 0.0
+        slope_den = den[-2] if len(den) > 1 else 0.0
+        gain = num[-1] / den[-1]
+        return (slope_num - gain * slope_den) / den[-1] - self.dead_time * gain
+
+    def _without_common_origin_roots(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        common = min(_trailing_zeros(self.num), _trailing_zeros(self.den))
+        if self.is_zero or not common:
+            return self.num, self.den
+        return self.num[:-common], self.den[:-common]
+
+
+def _polynomial(coefficients: Sequence[float], field: str) -> tuple[float, ...]:
+    values = tuple(float(c) for c in coefficients)
+    if not values:
+        message = "a polynomial needs at least one coefficient"
+        raise InvalidInputError(message, field)
+    if len(values) > MAX_ORDER + 1:
+        message = f"polynomials above degree {MAX_ORDER} are not supported"
+        raise InvalidInputError(message, field)
+    for index, value in enumerate(values):
+        if not abs(value) <= LARGEST:
+            message = f"coefficients must be finite and at most {LARGEST:g} in magnitude"
+            raise InvalidInputError(message, f"{field}/{index}")
+    if values[0] == 0 and len(values) > 1:
+        message = "the leading coefficient is zero; drop it"
+        raise InvalidInputError(message, f"{field}/0")
+    return values
+
+
+def _trailing_zeros(values: tuple[float, ...]) -> int:
+    count = 0
+    for value in reversed(values):
+        if value != 0:
+            break
+        count += 1
+    return count
+
+
+def _horner(
+    coefficients: tuple[float, ...], points: NDArray[np.complex128]
+) -> NDArray[np.complex128]:
+    value = np.zeros_like(points)
+    for coefficient in coefficients:
+        value = value * points + coefficient
+    return value
+
+
+def _nonzero(values: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Move exact zeros off the pole, so that a pole reads as huge instead of dividing by zero."""
+    return np.where(values == 0, np.finfo(float).tiny ** 0.25, values)

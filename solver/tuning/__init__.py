@@ -1,0 +1,1 @@
+"""The tuner: specification, objective, minimax method and search."""

@@ -1,0 +1,137 @@
+"""What is to be tuned: plant, weights, controller kind, arrangement of the loops, objective."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TYPE_CHECKING
+
+from solver.errors import InvalidInputError
+
+if TYPE_CHECKING:
+    from solver.plants import Plant
+    from solver.weights import Performance, Uncertainty
+
+__all__ = ["Arrangement", "Bounds", "ControllerKind", "Objective", "Specification"]
+
+MAX_STARTS = 1000
+
+
+class ControllerKind(StrEnum):
+    """PI or PID, in cascade form."""
+
+    PI = "PI"
+    PID = "PID"
+
+
+class Arrangement(StrEnum):
+    """Which loops share their settings.
+
+    IDENTICAL: all. INDEPENDENT: none. GROUPED: the units of each group, the sizes being given.
+    BEST: the grouping is sought too; identical is kept unless another gains at least 1 per cent.
+    """
+
+    IDENTICAL = "identical"
+    INDEPENDENT = "independent"
+    GROUPED = "grouped"
+    BEST = "best"
+
+
+class Objective(StrEnum):
+    """What is made small.
+
+    TAU_P: the performance time constant that robust performance permits ("Approach 2" of
+    Skogestad, Lundstrom and Hovd 1989, eq. 32). MU: the peak of mu at a given time constant.
+    """
+
+    TAU_P = "tau_p"
+    MU = "mu"
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Permitted range (low, high) of each parameter's magnitude; None: chosen from the plant."""
+
+    gain: tuple[float, float] | None = None
+    integral_time: tuple[float, float] | None = None
+    derivative_time: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("gain", "integral_time", "derivative_time"):
+            pair = getattr(self, name)
+            if pair is not None and not 0 < pair[0] < pair[1] <= 1e9:
+                message = "bounds must satisfy 0 < low < high <= 1e9"
+                raise InvalidInputError(message, f"/{name}")
+
+
+@dataclass(frozen=True)
+class Specification:
+    """A tuning task.
+
+    Parameters
+    ----------
+    plant : Plant
+        Open-loop stable, or integrating.
+    uncertainty, performance : Uncertainty, Performance
+        The weights. `performance.tau_p` is needed for the objective MU only.
+    kind, arrangement, group_sizes, objective
+        See the enums. `group_sizes` is given for GROUPED, and only then; the sizes sum to
+        `plant.n` and the first group holds the first units.
+    bounds : Bounds
+        Parameter bounds.
+    starts : int or None
+        Starts of the search, 1..1000; None: chosen from the number of parameters.
+    seed : int
+        The same specification and seed give the same digits.
+    time_limit : float or None
+        Seconds, > 0.
+    certificate : bool
+        Whether the result must carry a proof for all frequencies.
+
+    """
+
+    plant: Plant
+    uncertainty: Uncertainty
+    performance: Performance
+    kind: ControllerKind = ControllerKind.PI
+    arrangement: Arrangement = Arrangement.INDEPENDENT
+    group_sizes: tuple[int, ...] | None = None
+    objective: Objective = Objective.TAU_P
+    bounds: Bounds = Bounds()
+    starts: int | None = None
+    seed: int = 0
+    time_limit: float | None = None
+    certificate: bool = False
+
+    def __post_init__(self) -> None:
+        self._check_groups()
+        if self.objective is Objective.MU and self.performance.tau_p is None:
+            message = "the objective mu needs a time constant"
+            raise InvalidInputError(message, "/performance/tau_p")
+        if self.starts is not None and not 1 <= self.starts <= MAX_STARTS:
+            message = f"the number of starts must lie in 1..{MAX_STARTS}"
+            raise InvalidInputError(message, "/search/starts")
+        if not 0 <= self.seed < 2**63:
+            message = "the seed must lie in 0..2^63 - 1"
+            raise InvalidInputError(message, "/search/seed")
+        if self.time_limit is not None and not self.time_limit > 0:
+            message = "the time limit must be positive"
+            raise InvalidInputError(message, "/search/time_limit")
+
+    def _check_groups(self) -> None:
+        where = "/controller/group_sizes"
+        if self.arrangement is not Arrangement.GROUPED:
+            if self.group_sizes is not None:
+                message = "group sizes are for the arrangement 'grouped'"
+                raise InvalidInputError(message, where)
+            return
+        if not self.group_sizes:
+            message = "the arrangement 'grouped' needs group sizes"
+            raise InvalidInputError(message, where)
+        for index, size in enumerate(self.group_sizes):
+            if size < 1:
+                message = "a group has at least one unit"
+                raise InvalidInputError(message, f"{where}/{index}")
+        if sum(self.group_sizes) != self.plant.n:
+            message = f"group sizes sum to {sum(self.group_sizes)}, the plant has {self.plant.n}"
+            raise InvalidInputError(message, where)
