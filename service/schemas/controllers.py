@@ -1,0 +1,87 @@
+"""Controllers as JSON: settings of one loop, and what a tuning may choose."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+import solver.controllers
+import solver.tuning.specification
+from service.schemas.fields import Gain, PositiveTime, RequestModel
+from solver.plants import MAX_UNITS
+
+__all__ = ["Bounds", "ControllerChoice", "Loop"]
+
+_LARGEST_BOUND = 1e9  # as solver.tuning.specification.Bounds
+
+
+class Loop(RequestModel):
+    """Settings of one loop, c(s) = k (1 + tau_I s)/(tau_I s) (1 + tau_D s)/(1 + 0.1 tau_D s)."""
+
+    gain: Gain = Field(description="Controller gain k, not zero.", examples=[46.3])
+    integral_time: PositiveTime = Field(description="Integral time tau_I.", examples=[101.0])
+    derivative_time: PositiveTime | None = Field(
+        default=None, description="Derivative time tau_D; null for PI.", examples=[None, 5.0]
+    )
+
+    def build(self) -> solver.controllers.Controller:
+        """Return the solver's controller."""
+        return solver.controllers.Controller(self.gain, self.integral_time, self.derivative_time)
+
+
+def _range(unit: str) -> object:
+    return Field(min_length=2, max_length=2, json_schema_extra={"x-unit": unit})
+
+
+Limit = Annotated[float, Field(gt=0, le=_LARGEST_BOUND)]
+GainRange = Annotated[tuple[Limit, Limit], _range("gain")]
+TimeRange = Annotated[tuple[Limit, Limit], _range("time")]
+
+
+class Bounds(RequestModel):
+    """Permitted range [low, high] of each parameter; null: chosen from the plant."""
+
+    gain: GainRange | None = Field(
+        default=None, description="Range of the gain's magnitude.", examples=[[0.1, 1000.0]]
+    )
+    integral_time: TimeRange | None = Field(
+        default=None, description="Range of the integral time.", examples=[[0.5, 500.0]]
+    )
+    derivative_time: TimeRange | None = Field(
+        default=None, description="Range of the derivative time.", examples=[[0.05, 50.0]]
+    )
+
+    def build(self) -> solver.tuning.specification.Bounds:
+        """Return the solver's bounds."""
+        return solver.tuning.specification.Bounds(
+            self.gain, self.integral_time, self.derivative_time
+        )
+
+
+GroupSize = Annotated[int, Field(ge=1, le=MAX_UNITS)]
+
+
+class ControllerChoice(RequestModel):
+    """Which controllers the tuning may use."""
+
+    kind: Literal["PI", "PID"] = Field(
+        default="PI", description="Controller kind, in cascade form.", examples=["PI"]
+    )
+    arrangement: Literal["identical", "independent", "grouped", "best"] = Field(
+        default="independent",
+        description="Which loops share settings: all (identical), none (independent), those of "
+        "a group (grouped, with group_sizes), or as found best (best).",
+        examples=["independent"],
+    )
+    group_sizes: (
+        Annotated[tuple[GroupSize, ...], Field(min_length=1, max_length=MAX_UNITS)] | None
+    ) = Field(
+        default=None,
+        description="Sizes of the groups, summing to n; for the arrangement grouped only.",
+        examples=[None, [1, 1]],
+        json_schema_extra={"x-unit": "1"},
+    )
+    bounds: Bounds = Field(
+        default=Bounds(), description="Permitted ranges of the parameters.", examples=[{}]
+    )

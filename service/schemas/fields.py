@@ -1,0 +1,61 @@
+"""Numbers as requests carry them: each range, unit and meaning stands here once.
+
+Every numeric field names its unit in the schema extension ``x-unit``: ``time`` is the caller's
+unit of time, ``rad/time`` its angular frequency, ``gain`` is output units over input units,
+``1`` a pure number and ``s`` seconds of computing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from solver.errors import InvalidInputError
+from solver.transfer_function import LARGEST, MAX_ORDER
+
+__all__ = [
+    "Coefficients",
+    "Frequency",
+    "Gain",
+    "PositiveTime",
+    "Ratio",
+    "RequestModel",
+    "Time",
+    "below",
+]
+
+
+class RequestModel(BaseModel):
+    """Base of everything a caller sends: no unknown fields, no silent conversions."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+
+Coefficient = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
+
+Coefficients = Annotated[
+    tuple[Coefficient, ...],
+    Field(min_length=1, max_length=MAX_ORDER + 1, json_schema_extra={"x-unit": "powers of time"}),
+]
+
+Gain = Annotated[float, Field(ge=-LARGEST, le=LARGEST, json_schema_extra={"x-unit": "gain"})]
+
+Ratio = Annotated[float, Field(ge=-LARGEST, le=LARGEST, json_schema_extra={"x-unit": "1"})]
+
+Time = Annotated[float, Field(ge=0, le=LARGEST, json_schema_extra={"x-unit": "time"})]
+
+PositiveTime = Annotated[float, Field(gt=0, le=LARGEST, json_schema_extra={"x-unit": "time"})]
+
+Frequency = Annotated[float, Field(gt=0, le=LARGEST, json_schema_extra={"x-unit": "rad/time"})]
+
+
+@contextmanager
+def below(prefix: str) -> Iterator[None]:
+    """Put the pointer of an `InvalidInputError` raised inside below `prefix`."""
+    try:
+        yield
+    except InvalidInputError as error:
+        raise error.within(prefix) from None

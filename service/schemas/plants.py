@@ -1,0 +1,120 @@
+"""Transfer functions and plants as JSON."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+import solver.plants
+import solver.transfer_function
+from service.schemas.fields import Coefficients, Gain, Ratio, RequestModel, Time, below
+from solver.plants import MAX_MATRIX_SIZE, MAX_UNITS
+
+__all__ = ["FirstOrderPlant", "MatrixPlant", "ParallelPlant", "Plant", "TransferFunction"]
+
+_LAG = {"num": [1.0], "den": [100.0, 1.0], "dead_time": 0.0}
+_CROSS = {"num": [0.949], "den": [100.0, 1.0], "dead_time": 0.0}
+
+Units = Annotated[
+    int,
+    Field(
+        ge=1,
+        le=MAX_UNITS,
+        description="Number of identical parallel units.",
+        examples=[2],
+        json_schema_extra={"x-unit": "1"},
+    ),
+]
+
+
+class TransferFunction(RequestModel):
+    """A proper rational function of s times a dead time, num(s)/den(s) exp(-dead_time s)."""
+
+    num: Coefficients = Field(
+        description="Numerator coefficients in descending powers of s; [0] is the zero function.",
+        examples=[[1.0]],
+    )
+    den: Coefficients = Field(
+        description="Denominator coefficients in descending powers of s, the first not zero.",
+        examples=[[100.0, 1.0]],
+    )
+    dead_time: Time = Field(default=0.0, description="Dead time.", examples=[0.0])
+
+    def build(self) -> solver.transfer_function.TransferFunction:
+        """Return the solver's transfer function."""
+        return solver.transfer_function.TransferFunction(self.num, self.den, self.dead_time)
+
+
+class ParallelPlant(RequestModel):
+    """n identical units: g(s) from a unit's input to its own output, i(s) to every other one."""
+
+    kind: Literal["parallel"] = Field(
+        description="Identical units given by two transfer functions.", examples=["parallel"]
+    )
+    n: Units
+    process: TransferFunction = Field(
+        description="g(s): from a unit's input to its own output.", examples=[_LAG]
+    )
+    interaction: TransferFunction = Field(
+        description="i(s): from a unit's input to each other unit's output.", examples=[_CROSS]
+    )
+
+    def build(self) -> solver.plants.ParallelPlant:
+        """Return the solver's plant."""
+        with below("/process"):
+            process = self.process.build()
+        with below("/interaction"):
+            interaction = self.interaction.build()
+        return solver.plants.ParallelPlant(self.n, process, interaction)
+
+
+class FirstOrderPlant(RequestModel):
+    """Identical first-order units: k/(tau s + 1) exp(-dead_time s) times [1, a; a, 1]."""
+
+    kind: Literal["first_order"] = Field(
+        description="Identical units with first-order dynamics.", examples=["first_order"]
+    )
+    n: Units
+    gain: Gain = Field(description="Static gain k of a unit, not zero.", examples=[1.0])
+    time_constant: Time = Field(description="Time constant tau of a unit.", examples=[100.0])
+    interaction: Ratio = Field(
+        description="a: effect on a neighbour relative to the effect on the unit itself.",
+        examples=[0.949],
+    )
+    dead_time: Time = Field(default=0.0, description="Dead time in every element.", examples=[0.0])
+
+    def build(self) -> solver.plants.ParallelPlant:
+        """Return the solver's plant."""
+        return solver.plants.first_order(
+            self.n, self.gain, self.time_constant, self.interaction, self.dead_time
+        )
+
+
+Row = Annotated[tuple[TransferFunction, ...], Field(min_length=1, max_length=MAX_MATRIX_SIZE)]
+
+
+class MatrixPlant(RequestModel):
+    """A general square plant; loop k connects output k to input k."""
+
+    kind: Literal["matrix"] = Field(
+        description="A square matrix of transfer functions.", examples=["matrix"]
+    )
+    elements: Annotated[tuple[Row, ...], Field(min_length=1, max_length=MAX_MATRIX_SIZE)] = Field(
+        description="Rows of transfer functions: row r, column c is from input c to output r.",
+        examples=[[[_LAG, _CROSS], [_CROSS, _LAG]]],
+    )
+
+    def build(self) -> solver.plants.MatrixPlant:
+        """Return the solver's plant."""
+        rows = []
+        for row_index, row in enumerate(self.elements):
+            built = []
+            for column_index, element in enumerate(row):
+                with below(f"/elements/{row_index}/{column_index}"):
+                    built.append(element.build())
+            rows.append(built)
+        return solver.plants.MatrixPlant(rows)
+
+
+Plant = Annotated[ParallelPlant | FirstOrderPlant | MatrixPlant, Field(discriminator="kind")]

@@ -1,0 +1,211 @@
+"""A robustness request and its result as JSON."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, JsonValue
+
+import solver.plants
+import solver.weights
+from service.schemas.controllers import Loop
+from service.schemas.encoding import encode
+from service.schemas.fields import Frequency, RequestModel, below
+from service.schemas.plants import Plant
+from service.schemas.weights import Performance, Uncertainty
+from solver.controllers import Controller
+from solver.errors import InvalidInputError
+from solver.plants import MAX_UNITS
+from solver.results import Robustness
+
+__all__ = [
+    "Curves",
+    "Peak",
+    "Peaks",
+    "RobustnessRequest",
+    "RobustnessResult",
+    "RobustnessTask",
+    "robustness_to_json",
+]
+
+MAX_FREQUENCIES = 10_000
+
+EXAMPLE: dict[str, JsonValue] = {
+    "plant": {
+        "kind": "first_order",
+        "n": 2,
+        "gain": 1.0,
+        "time_constant": 100.0,
+        "interaction": 0.949,
+    },
+    "uncertainty": {"epsilon": 0.2, "theta": 1.0},
+    "performance": {"max_peak": 2.0, "offset": 0.0, "tau_p": 19.0},
+    "loops": [
+        {"gain": 46.3, "integral_time": 101.0, "derivative_time": None},
+        {"gain": 22.8, "integral_time": 3.15, "derivative_time": None},
+    ],
+}
+
+
+@dataclass(frozen=True)
+class RobustnessTask:
+    """Arguments of `solver.robustness.analyse`; `omega` (k,) rad per time unit, or None."""
+
+    plant: solver.plants.Plant
+    uncertainty: solver.weights.Uncertainty
+    performance: solver.weights.Performance
+    loops: tuple[Controller, ...]
+    omega: NDArray[np.float64] | None
+
+
+class RobustnessRequest(RequestModel):
+    """Ask how robust given loop settings are."""
+
+    plant: Plant = Field(description="The process.", examples=[EXAMPLE["plant"]])
+    uncertainty: Uncertainty = Field(
+        description="Uncertainty of the plant's inputs.", examples=[EXAMPLE["uncertainty"]]
+    )
+    performance: Performance = Field(
+        description="The demand; tau_p is needed.", examples=[EXAMPLE["performance"]]
+    )
+    loops: Annotated[tuple[Loop, ...], Field(min_length=1, max_length=MAX_UNITS)] = Field(
+        description="Settings, one entry a unit.", examples=[EXAMPLE["loops"]]
+    )
+    omega: (
+        Annotated[tuple[Frequency, ...], Field(min_length=1, max_length=MAX_FREQUENCIES)] | None
+    ) = Field(
+        default=None,
+        description="Frequencies of the curves, ascending; null: chosen from the loop.",
+        examples=[None, [0.001, 0.01, 0.1, 1.0, 10.0]],
+    )
+
+    model_config = ConfigDict(json_schema_extra={"examples": [EXAMPLE]})
+
+    def build(self) -> RobustnessTask:
+        """Return the arguments of the solver's analysis.
+
+        Raises
+        ------
+        InvalidInputError
+            A value that the mathematics cannot accept, by pointer into this request.
+
+        """
+        with below("/plant"):
+            plant = self.plant.build()
+        with below("/uncertainty"):
+            uncertainty = self.uncertainty.build()
+        with below("/performance"):
+            performance = self.performance.build()
+        if performance.tau_p is None:
+            message = "a robustness analysis needs a time constant"
+            raise InvalidInputError(message, "/performance/tau_p")
+        loops = []
+        for index, loop in enumerate(self.loops):
+            with below(f"/loops/{index}"):
+                loops.append(loop.build())
+        if len(loops) != plant.n:
+            message = f"{len(loops)} loops for a plant of {plant.n} units"
+            raise InvalidInputError(message, "/loops")
+        omega = None if self.omega is None else np.array(self.omega)
+        if omega is not None and np.any(np.diff(omega) <= 0):
+            index = int(np.argmax(np.diff(omega) <= 0)) + 1
+            message = "the frequencies must ascend"
+            raise InvalidInputError(message, f"/omega/{index}")
+        return RobustnessTask(plant, uncertainty, performance, tuple(loops), omega)
+
+
+class Peak(BaseModel):
+    """Greatest value of a curve and where it is reached."""
+
+    value: float | None = Field(description="Greatest value.", examples=[1.0])
+    omega: float | None = Field(
+        description="Frequency where it is reached, rad per time unit.", examples=[0.0314]
+    )
+
+
+_PEAK = {"value": 1.0, "omega": 0.0314}
+
+
+class Peaks(BaseModel):
+    """Peaks of the three mu curves, refined between grid points."""
+
+    robust_performance: Peak = Field(
+        description="Performance for every plant in the set: wanted at most 1.", examples=[_PEAK]
+    )
+    robust_stability: Peak = Field(
+        description="Stability for every plant in the set: needed at most 1.", examples=[_PEAK]
+    )
+    nominal_performance: Peak = Field(
+        description="Performance of the nominal plant.", examples=[_PEAK]
+    )
+
+
+Values = list[float | None]
+
+
+class Curves(BaseModel):
+    """Upper bounds of mu over frequency."""
+
+    omega: list[float] = Field(
+        description="Frequencies, rad per time unit, ascending.", examples=[[0.01, 0.1]]
+    )
+    robust_performance: Values = Field(
+        description="Bound for robust performance.", examples=[[0.8, 0.9]]
+    )
+    robust_stability: Values = Field(
+        description="Bound for robust stability.", examples=[[0.2, 0.3]]
+    )
+    nominal_performance: Values = Field(
+        description="Largest singular value of w_P S.", examples=[[0.5, 0.6]]
+    )
+
+
+class RobustnessResult(BaseModel):
+    """Robustness of given loops; peaks and curves are null where the loops are unstable."""
+
+    nominally_stable: bool = Field(
+        description="Whether the nominal closed loop is stable.", examples=[True]
+    )
+    unstable_poles: int = Field(
+        description="Closed-loop poles in the right half plane.", examples=[0]
+    )
+    peaks: Peaks | None = Field(
+        description="Peaks of the three mu curves.",
+        examples=[
+            {
+                "robust_performance": _PEAK,
+                "robust_stability": _PEAK,
+                "nominal_performance": _PEAK,
+            }
+        ],
+    )
+    curves: Curves | None = Field(
+        description="Upper bounds of mu over frequency.",
+        examples=[
+            {
+                "omega": [0.03],
+                "robust_performance": [1.0],
+                "robust_stability": [0.4],
+                "nominal_performance": [0.9],
+            }
+        ],
+    )
+    lower_bound: Peak | None = Field(
+        description="Lower bound of the robust performance peak.", examples=[_PEAK]
+    )
+    worst_case: dict[str, Any] | None = Field(
+        description="A perturbation that reaches the lower bound.", examples=[None]
+    )
+    certificate: dict[str, Any] | None = Field(
+        description="Proof for all frequencies.", examples=[None]
+    )
+    warnings: list[str] = Field(description="What to look at twice.", examples=[[]])
+
+
+def robustness_to_json(robustness: Robustness) -> dict[str, Any]:
+    """Return the result as the JSON object that `RobustnessResult` describes."""
+    document: dict[str, Any] = encode(robustness)
+    return document

@@ -1,0 +1,265 @@
+"""A tuning request and its result as JSON."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, JsonValue
+
+from service.schemas.controllers import ControllerChoice, Loop
+from service.schemas.encoding import encode
+from service.schemas.fields import RequestModel, below
+from service.schemas.plants import Plant
+from service.schemas.robustness import Curves, Peaks
+from service.schemas.weights import Performance, Uncertainty
+from solver.results import LocalOptimum, Tuning
+from solver.tuning.specification import (
+    MAX_STARTS,
+    Arrangement,
+    ControllerKind,
+    Objective,
+    Specification,
+)
+
+__all__ = ["MAX_TIME_LIMIT", "Search", "TuningRequest", "TuningResult", "tuning_to_json"]
+
+MAX_TIME_LIMIT = 86_400.0
+
+EXAMPLE: dict[str, JsonValue] = {
+    "plant": {
+        "kind": "first_order",
+        "n": 2,
+        "gain": 1.0,
+        "time_constant": 100.0,
+        "interaction": 0.949,
+        "dead_time": 0.0,
+    },
+    "uncertainty": {"epsilon": 0.2, "theta": 1.0, "structure": "diagonal"},
+    "performance": {"max_peak": 2.0, "offset": 0.0, "tau_p": None},
+    "controller": {"kind": "PI", "arrangement": "independent"},
+    "objective": "tau_p",
+    "search": {"starts": None, "seed": 0, "time_limit": 60.0},
+    "certificate": "none",
+}
+
+
+class Search(RequestModel):
+    """How hard to search."""
+
+    starts: Annotated[int, Field(ge=1, le=MAX_STARTS, json_schema_extra={"x-unit": "1"})] | None = (
+        Field(
+            default=None,
+            description="Starts of the search; null: chosen from the number of parameters.",
+            examples=[None, 24],
+        )
+    )
+    seed: Annotated[int, Field(ge=0, lt=2**63, json_schema_extra={"x-unit": "1"})] = Field(
+        default=0,
+        description="The same request and seed give the same digits.",
+        examples=[0],
+    )
+    time_limit: Annotated[
+        float, Field(gt=0, le=MAX_TIME_LIMIT, json_schema_extra={"x-unit": "s"})
+    ] = Field(
+        default=60.0,
+        description="Longest computing time; the best settings up to then are returned.",
+        examples=[60.0],
+    )
+
+
+class TuningRequest(RequestModel):
+    """Ask for the loop settings that are as fast as the uncertainty permits."""
+
+    plant: Plant = Field(description="The process to be controlled.", examples=[EXAMPLE["plant"]])
+    uncertainty: Uncertainty = Field(
+        description="Uncertainty of the plant's inputs, as an error and its time scale, or as a "
+        "weight.",
+        examples=[EXAMPLE["uncertainty"]],
+    )
+    performance: Performance = Field(
+        default=Performance(),
+        description="What the closed loop must do for every plant in the uncertainty set.",
+        examples=[EXAMPLE["performance"]],
+    )
+    controller: ControllerChoice = Field(
+        default=ControllerChoice(),
+        description="Which controllers may be used.",
+        examples=[EXAMPLE["controller"]],
+    )
+    objective: Literal["tau_p", "mu"] = Field(
+        default="tau_p",
+        description="tau_p: the fastest closed loop; mu: the smallest peak of mu at a given "
+        "performance.tau_p.",
+        examples=["tau_p"],
+    )
+    search: Search = Field(
+        default=Search(), description="How hard to search.", examples=[EXAMPLE["search"]]
+    )
+    certificate: Literal["none", "full"] = Field(
+        default="none",
+        description="full: the result carries a proof for all frequencies.",
+        examples=["none"],
+    )
+
+    model_config = ConfigDict(json_schema_extra={"examples": [EXAMPLE]})
+
+    def build(self) -> Specification:
+        """Return the solver's specification.
+
+        Raises
+        ------
+        InvalidInputError
+            A value that the mathematics cannot accept, by pointer into this request.
+
+        """
+        with below("/plant"):
+            plant = self.plant.build()
+        with below("/uncertainty"):
+            uncertainty = self.uncertainty.build()
+        with below("/performance"):
+            performance = self.performance.build()
+        with below("/controller/bounds"):
+            bounds = self.controller.bounds.build()
+        return Specification(
+            plant=plant,
+            uncertainty=uncertainty,
+            performance=performance,
+            kind=ControllerKind(self.controller.kind),
+            arrangement=Arrangement(self.controller.arrangement),
+            group_sizes=self.controller.group_sizes,
+            objective=Objective(self.objective),
+            bounds=bounds,
+            starts=self.search.starts,
+            seed=self.search.seed,
+            time_limit=self.search.time_limit,
+            certificate=self.certificate == "full",
+        )
+
+
+class LoopOfUnits(Loop):
+    """Settings shared by some units."""
+
+    units: int = Field(
+        description="Number of units with these settings.",
+        examples=[1],
+        json_schema_extra={"x-unit": "1"},
+    )
+
+
+class Optimum(BaseModel):
+    """A distinct local optimum; permuted copies count as one."""
+
+    value: float | None = Field(description="Value of the objective.", examples=[18.446])
+    count: int = Field(description="Starts that ended there.", examples=[9])
+    loops: list[LoopOfUnits] = Field(
+        description="Its distinct settings, with the number of units that have them.",
+        examples=[[{"gain": 47.65, "integral_time": 101.2, "derivative_time": None, "units": 1}]],
+    )
+
+
+class SearchSummary(BaseModel):
+    """What the search did."""
+
+    starts: int = Field(description="Starts made.", examples=[24])
+    local_optima: list[Optimum] = Field(
+        description="Distinct local optima, best first.",
+        examples=[[{"value": 18.446, "count": 9, "loops": []}]],
+    )
+    seed: int = Field(description="Seed of the search.", examples=[0])
+    elapsed_seconds: float = Field(description="Computing time in seconds.", examples=[0.6])
+
+
+class Comparison(BaseModel):
+    """What asymmetry buys."""
+
+    identical_value: float | None = Field(
+        description="Objective of the best identical settings.", examples=[25.77]
+    )
+    identical_loop: Loop = Field(
+        description="The best identical settings.",
+        examples=[{"gain": 39.5, "integral_time": 57.6, "derivative_time": None}],
+    )
+    gain_percent: float | None = Field(
+        description="100 (1 - best/identical) of the objective.", examples=[28.4]
+    )
+
+
+class TuningResult(BaseModel):
+    """Outcome of a tuning; null stands for a value that does not exist or is not finite."""
+
+    status: Literal["optimal", "infeasible", "time_limit"] = Field(
+        description="optimal: the best settings found; infeasible: none meet the demand, see "
+        "reason; time_limit: the best settings up to the time limit.",
+        examples=["optimal"],
+    )
+    objective: Literal["tau_p", "mu"] = Field(
+        description="What was made small.", examples=["tau_p"]
+    )
+    tau_p: float | None = Field(
+        description="Closed-loop time constant, in the request's time unit.", examples=[18.446]
+    )
+    peaks: Peaks | None = Field(
+        description="Peaks of the three mu curves.",
+        examples=[
+            {
+                name: {"value": 1.0, "omega": 0.03}
+                for name in ("robust_performance", "robust_stability", "nominal_performance")
+            }
+        ],
+    )
+    loops: list[Loop] = Field(
+        description="Settings, one entry a unit.",
+        examples=[[{"gain": 47.65, "integral_time": 101.2, "derivative_time": None}]],
+    )
+    groups: list[list[int]] = Field(
+        description="Units (from 0) that share settings.", examples=[[[0], [1]]]
+    )
+    nominally_stable: bool = Field(
+        description="Whether the nominal closed loop is stable.", examples=[True]
+    )
+    search: SearchSummary = Field(
+        description="What the search did.",
+        examples=[{"starts": 24, "local_optima": [], "seed": 0, "elapsed_seconds": 0.6}],
+    )
+    curves: Curves | None = Field(
+        description="Upper bounds of mu over frequency.",
+        examples=[
+            {
+                "omega": [0.03],
+                "robust_performance": [1.0],
+                "robust_stability": [0.4],
+                "nominal_performance": [0.9],
+            }
+        ],
+    )
+    comparison: Comparison | None = Field(
+        description="What asymmetry buys, for the arrangement best.", examples=[None]
+    )
+    certificate: dict[str, Any] | None = Field(
+        description="Proof for all frequencies, where asked for.", examples=[None]
+    )
+    reason: str | None = Field(description="Why no settings meet the demand.", examples=[None])
+    omega: float | None = Field(
+        description="The frequency that forbids it, rad per time unit.", examples=[None]
+    )
+    warnings: list[str] = Field(description="What to look at twice.", examples=[[]])
+
+
+def tuning_to_json(tuning: Tuning) -> dict[str, Any]:
+    """Return the result as the JSON object that `TuningResult` describes."""
+    document: dict[str, Any] = encode(tuning)
+    document["search"]["local_optima"] = [
+        _optimum_to_json(optimum) for optimum in tuning.search.local_optima
+    ]
+    return document
+
+
+def _optimum_to_json(optimum: LocalOptimum) -> dict[str, Any]:
+    """Fold equal settings: a thousand units in two groups are two entries."""
+    units = Counter(optimum.loops)
+    return {
+        "value": encode(optimum.value),
+        "count": optimum.count,
+        "loops": [{**encode(loop), "units": count} for loop, count in units.items()],
+    }

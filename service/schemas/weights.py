@@ -1,0 +1,95 @@
+"""Uncertainty and performance weights as JSON."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Discriminator, Field, Tag
+
+import solver.weights
+from service.schemas.fields import PositiveTime, RequestModel, Time, below
+from service.schemas.plants import TransferFunction
+from solver.transfer_function import LARGEST
+from solver.weights import Structure
+
+__all__ = ["Performance", "Uncertainty", "UncertaintyOfError", "UncertaintyOfWeight"]
+
+StructureName = Annotated[
+    Literal["diagonal", "full"],
+    Field(
+        description="diagonal: the actuators err independently; full: they may err in concert.",
+        examples=["diagonal"],
+    ),
+]
+
+
+class UncertaintyOfError(RequestModel):
+    """Input uncertainty by its steady-state error and the time scale at which it reaches 100 %."""
+
+    epsilon: Annotated[float, Field(gt=0, le=LARGEST, json_schema_extra={"x-unit": "1"})] = Field(
+        description="Relative error of the inputs at steady state; 0.2 is 20 per cent.",
+        examples=[0.2],
+    )
+    theta: Time = Field(
+        description="The error reaches 100 per cent near the frequency 1/theta; "
+        "covers a neglected dead time theta.",
+        examples=[1.0],
+    )
+    structure: StructureName = "diagonal"
+
+    def build(self) -> solver.weights.Uncertainty:
+        """Return the solver's uncertainty."""
+        return solver.weights.Uncertainty.from_error(
+            self.epsilon, self.theta, Structure(self.structure)
+        )
+
+
+class UncertaintyOfWeight(RequestModel):
+    """Input uncertainty by its weight w_I(s)."""
+
+    weight: TransferFunction = Field(
+        description="w_I(s), stable; its magnitude bounds the relative error of the inputs.",
+        examples=[{"num": [1.0, 0.2], "den": [0.5, 1.0]}],
+    )
+    structure: StructureName = "diagonal"
+
+    def build(self) -> solver.weights.Uncertainty:
+        """Return the solver's uncertainty."""
+        with below("/weight"):
+            weight = self.weight.build()
+        return solver.weights.Uncertainty(weight, Structure(self.structure))
+
+
+def _form(value: Any) -> str:  # noqa: ANN401 - whatever the caller sent
+    """Tell the two forms apart by the one field that only the second has."""
+    if isinstance(value, dict):
+        return "weight" if "weight" in value else "error"
+    return "weight" if isinstance(value, UncertaintyOfWeight) else "error"
+
+
+Uncertainty = Annotated[
+    Annotated[UncertaintyOfError, Tag("error")] | Annotated[UncertaintyOfWeight, Tag("weight")],
+    Discriminator(_form),
+]
+
+
+class Performance(RequestModel):
+    """Bound on the sensitivity: w_P(s) = (1/M) (tau_p s + 1)/(tau_p s + A/M)."""
+
+    max_peak: Annotated[float, Field(gt=1, le=LARGEST, json_schema_extra={"x-unit": "1"})] = Field(
+        default=2.0,
+        description="M: greatest permitted peak of the sensitivity.",
+        examples=[2.0],
+    )
+    offset: Annotated[float, Field(ge=0, lt=1, json_schema_extra={"x-unit": "1"})] = Field(
+        default=0.0, description="A: permitted relative steady-state offset.", examples=[0.0]
+    )
+    tau_p: PositiveTime | None = Field(
+        default=None,
+        description="Closed-loop time constant; null where it is what the tuning seeks.",
+        examples=[19.0],
+    )
+
+    def build(self) -> solver.weights.Performance:
+        """Return the solver's performance demand."""
+        return solver.weights.Performance(self.max_peak, self.offset, self.tau_p)
