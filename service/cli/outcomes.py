@@ -1,0 +1,79 @@
+"""How a command ends: exit codes, and errors as one line each on standard error."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from enum import IntEnum
+from functools import wraps
+from pathlib import Path
+from typing import ParamSpec
+
+from service.schemas import RequestError, TuningResult
+from solver.errors import InvalidInputError
+
+__all__ = ["ExitCode", "exit_code_of", "read_input", "reported", "say"]
+
+_Parameters = ParamSpec("_Parameters")
+
+
+class ExitCode(IntEnum):
+    """Exit codes; INTERRUPTED is what a shell reports for Ctrl-C."""
+
+    DONE = 0
+    FAILED = 1
+    BAD_INPUT = 2
+    INFEASIBLE = 3
+    TIME_LIMIT = 4
+    INTERRUPTED = 130
+
+
+def exit_code_of(result: TuningResult) -> ExitCode:
+    """Return the exit code that stands for the status of a tuning."""
+    return {
+        "optimal": ExitCode.DONE,
+        "infeasible": ExitCode.INFEASIBLE,
+        "time_limit": ExitCode.TIME_LIMIT,
+    }[result.status]
+
+
+def say(message: str) -> None:
+    """Print one line on standard error."""
+    print(message, file=sys.stderr)  # noqa: T201 - the one place where commands talk to people
+
+
+def read_input(path: Path) -> bytes:
+    """Return the content of `path`, or of standard input for ``-``.
+
+    Raises
+    ------
+    OSError
+        The file cannot be read.
+
+    """
+    return sys.stdin.buffer.read() if str(path) == "-" else path.read_bytes()
+
+
+def reported(command: Callable[_Parameters, ExitCode]) -> Callable[_Parameters, ExitCode]:
+    """Turn the errors that a user can mend into lines on standard error and an exit code."""
+
+    @wraps(command)
+    def run(*args: _Parameters.args, **kwargs: _Parameters.kwargs) -> ExitCode:
+        try:
+            return command(*args, **kwargs)
+        except RequestError as error:
+            for fault in error.faults:
+                say(f"error: {fault.pointer or 'request'}: {fault.detail}")
+        except InvalidInputError as error:
+            say(f"error: {error.field or 'request'}: {error.message}")
+        except BrokenPipeError:  # the reader of the output went away; typer ends quietly
+            raise
+        except OSError as error:
+            name = "" if error.filename is None else f"{error.filename}: "
+            say(f"error: {name}{error.strerror or error}")
+        except KeyboardInterrupt:
+            say("Interrupted.")
+            return ExitCode.INTERRUPTED
+        return ExitCode.BAD_INPUT
+
+    return run

@@ -1,0 +1,191 @@
+"""Results as tables for people: settings in three forms, peaks, search, what asymmetry buys."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from service.schemas import RobustnessResult, TuningResult
+from service.schemas.controllers import Loop
+from service.schemas.robustness import Peaks
+from solver.errors import InvalidInputError
+
+__all__ = ["number", "robustness_table", "side_by_side", "tuning_table", "units"]
+
+CASCADE = "cascade  k (1 + τI s)/(τI s) · (1 + τD s)/(1 + 0.1 τD s)"
+IDEAL = "ideal  K (1 + 1/(Ti s) + Td s/(1 + Tf s))"
+PARALLEL = "parallel  Kp + Ki/s + Kd s/(1 + Tf s)"
+
+_CURVES = (
+    ("robust performance", "robust_performance", "at most 1: the demand holds for every plant"),
+    ("robust stability", "robust_stability", "below 1: every plant in the set is stable"),
+    ("nominal performance", "nominal_performance", "the demand on the plant as given"),
+)
+
+
+def number(value: float | None) -> str:
+    """Return `value` with five digits, or a dash."""
+    return "-" if value is None else f"{value:.5g}"
+
+
+def units(group: Sequence[int]) -> str:
+    """Return the loops of a group, counted from 1: ``1``, ``1-25`` or ``1, 3``."""
+    if len(group) > 1 and list(group) == list(range(group[0], group[0] + len(group))):
+        return f"{group[0] + 1}-{group[-1] + 1}"
+    return ", ".join(str(unit + 1) for unit in group)
+
+
+def tuning_table(result: TuningResult) -> RenderableType:
+    """Return a tuning as text and tables."""
+    parts: list[RenderableType] = [Text(_headline(result), style="bold")]
+    if result.loops:
+        parts += _forms([(units(group), result.loops[group[0]]) for group in result.groups])
+    if result.peaks is not None:
+        parts.append(_peaks(result.peaks))
+    if result.comparison is not None:
+        parts.append(
+            Text(
+                f"What asymmetry buys: {_objective(result)} instead of "
+                f"{number(result.comparison.identical_value)} with identical settings, "
+                f"{number(result.comparison.gain_percent)} % less."
+            )
+        )
+    optima = ", ".join(
+        f"{number(optimum.value)} ({optimum.count}x)" for optimum in result.search.local_optima
+    )
+    parts.append(
+        Text(
+            f"{result.search.starts} starts in {result.search.elapsed_seconds:.2f} s, "
+            f"seed {result.search.seed}; local optima: {optima or 'none'}"
+        )
+    )
+    parts += [Text(f"Warning: {warning}", style="yellow") for warning in result.warnings]
+    return Group(*parts)
+
+
+def robustness_table(result: RobustnessResult, loops: Sequence[Loop]) -> RenderableType:
+    """Return an analysis of `loops` as text and tables."""
+    parts: list[RenderableType] = []
+    if result.nominally_stable:
+        parts.append(Text("Nominally stable.", style="bold"))
+    else:
+        poles = result.unstable_poles
+        parts.append(
+            Text(
+                f"Unstable: {poles} closed-loop pole{'s' * (poles != 1)} in the right half plane.",
+                style="bold red",
+            )
+        )
+    if result.peaks is not None:
+        parts.append(_peaks(result.peaks))
+    parts += _forms([(str(index + 1), loop) for index, loop in enumerate(loops)])
+    if result.lower_bound is not None:
+        parts.append(
+            Text(f"Lower bound of the robust performance peak: {number(result.lower_bound.value)}")
+        )
+    parts += [Text(f"Warning: {warning}", style="yellow") for warning in result.warnings]
+    return Group(*parts)
+
+
+def side_by_side(results: Mapping[str, TuningResult]) -> RenderableType:
+    """Return several tunings of the same plant, a column each, settings in cascade form."""
+    table = Table()
+    table.add_column("")
+    for name in results:
+        table.add_column(name, justify="right")
+    columns = list(results.values())
+    table.add_row("closed-loop time constant τP", *(number(result.tau_p) for result in columns))
+    for index in range(max(len(result.loops) for result in columns)):
+        for symbol, name in (("k", "gain"), ("τI", "integral_time"), ("τD", "derivative_time")):
+            values = [_setting(result, index, name) for result in columns]
+            if any(value is not None for value in values):
+                table.add_row(
+                    f"loop {index + 1}: {name.replace('_', ' ')} {symbol}", *map(number, values)
+                )
+    for title, name, _ in _CURVES:
+        table.add_row(
+            f"peak of μ, {title}",
+            *(
+                number(None if result.peaks is None else getattr(result.peaks, name).value)
+                for result in columns
+            ),
+        )
+    return table
+
+
+def _setting(result: TuningResult, index: int, name: str) -> float | None:
+    if index >= len(result.loops):
+        return None
+    value: float | None = getattr(result.loops[index], name)
+    return value
+
+
+def _headline(result: TuningResult) -> str:
+    if result.status == "infeasible":
+        where = "" if result.omega is None else f" (at {number(result.omega)} rad per time unit)"
+        return f"Infeasible: {result.reason or 'no settings meet the demand'}{where}"
+    ended = {"optimal": "Optimal", "time_limit": "Time limit reached; the best so far"}
+    if not result.loops:
+        return f"{ended[result.status]}: nothing found yet."
+    return f"{ended[result.status]}: {_objective(result)}"
+
+
+def _objective(result: TuningResult) -> str:
+    if result.objective == "tau_p":
+        return f"closed-loop time constant τP = {number(result.tau_p)}"
+    peak = None if result.peaks is None else result.peaks.robust_performance.value
+    return f"peak of μ = {number(peak)} at τP = {number(result.tau_p)}"
+
+
+def _forms(loops: Sequence[tuple[str, Loop]]) -> Iterator[Table]:
+    """Yield a table a form; the same controllers in each."""
+    with_derivative = any(loop.derivative_time is not None for _, loop in loops)
+    cascade = _form(CASCADE, ("k", "τI", "τD"), with_derivative=with_derivative)
+    ideal = _form(IDEAL, ("K", "Ti", "Td", "Tf"), with_derivative=with_derivative)
+    parallel = _form(PARALLEL, ("Kp", "Ki", "Kd", "Tf"), with_derivative=with_derivative)
+    for name, loop in loops:
+        controller = loop.build()
+        _row(cascade, name, loop.gain, loop.integral_time, loop.derivative_time)
+        try:
+            isa, sums = controller.to_ideal(), controller.to_parallel()
+        except InvalidInputError as error:
+            for table in (ideal, parallel):
+                table.add_row(name, error.message)
+            continue
+        _row(ideal, name, isa.gain, isa.integral_time, isa.derivative_time, isa.filter_time)
+        _row(
+            parallel,
+            name,
+            sums.proportional_gain,
+            sums.integral_gain,
+            sums.derivative_gain,
+            sums.filter_time,
+        )
+    yield from (cascade, ideal, parallel)
+
+
+def _form(title: str, symbols: Sequence[str], *, with_derivative: bool) -> Table:
+    table = Table(title=title, title_justify="left")
+    table.add_column("loop")
+    for symbol in symbols if with_derivative else symbols[:2]:
+        table.add_column(symbol, justify="right")
+    return table
+
+
+def _row(table: Table, name: str, *values: float | None) -> None:
+    table.add_row(name, *(number(value) for value in values[: len(table.columns) - 1]))
+
+
+def _peaks(peaks: Peaks) -> Table:
+    table = Table(title="peaks of μ over all frequencies", title_justify="left")
+    table.add_column("curve")
+    table.add_column("peak", justify="right")
+    table.add_column("at ω, rad per time unit", justify="right")
+    table.add_column("meaning")
+    for title, name, meaning in _CURVES:
+        peak = getattr(peaks, name)
+        table.add_row(title, number(peak.value), number(peak.omega), meaning)
+    return table

@@ -1,0 +1,64 @@
+"""``mutune tune``: one request, in this process."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+import solver.results
+from service.cli.outcomes import ExitCode, exit_code_of, read_input, reported
+from service.cli.tables import number, tuning_table
+from service.schemas import TuningRequest, TuningResult, parse_tuning_request, tuning_to_json
+from solver.tuning import tune
+
+__all__ = ["tune_file"]
+
+
+@reported
+def tune_file(path: Path, *, as_json: bool) -> ExitCode:
+    """Tune the request in `path` and print the result.
+
+    Parameters
+    ----------
+    path : Path
+        Request file, or ``-`` for standard input.
+    as_json : bool
+        Print the JSON result alone, instead of tables.
+
+    Returns
+    -------
+    ExitCode
+        As the status of the result says; BAD_INPUT where the request is at fault.
+
+    """
+    document = _tune(parse_tuning_request(read_input(path)))
+    result = TuningResult.model_validate(document)
+    if as_json:
+        print(json.dumps(document, allow_nan=False))  # noqa: T201 - the output asked for
+    else:
+        Console().print(tuning_table(result))
+    return exit_code_of(result)
+
+
+def _tune(request: TuningRequest) -> dict[str, object]:
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.fields[starts]} starts done, best {task.fields[best]}"),
+        TimeElapsedColumn(),
+    )
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("Tuning", total=1.0, starts=0, best=number(None))
+
+        def show(progress: solver.results.Progress) -> None:
+            bar.update(
+                task,
+                completed=progress.fraction,
+                starts=f"{progress.starts_done} of {progress.starts}",
+                best=number(progress.best),
+            )
+
+        return tuning_to_json(tune(request.build(), show))
