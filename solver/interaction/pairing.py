@@ -1,0 +1,260 @@
+"""Which input should control which output: pairings ranked by relative gains.
+
+The published rules: relative gains of the pairs positive and as near one as possible
+(Bristol's rule, Astrom and Hagglund, section 11.2), a positive Niederlinski index (Niederlinski
+1971), and gains within 0.67..1.5 if no decoupling is wanted.
+"""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from solver.interaction.relative_gain import relative_gain_array
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    from solver.interaction.parallel_matrix import ParallelMatrix
+
+__all__ = [
+    "BAND",
+    "EXHAUSTIVE_UP_TO",
+    "Pairing",
+    "PairingRanking",
+    "niederlinski_index",
+    "rank_pairings",
+    "rank_parallel_pairings",
+]
+
+BAND = (0.67, 1.5)  # Astrom and Hagglund: decoupling can improve control outside it
+EXHAUSTIVE_UP_TO = 8
+KEPT = 120  # all pairings of 5 x 5, the best of larger plants
+
+# A pair with a relative gain of zero or less outweighs any set of positive ones, whose
+# |ln lambda| stays below 30 a pair (gains with a condition number above 1e13 are singular).
+_REFUSED = 1000.0
+
+
+@dataclass(frozen=True)
+class Pairing:
+    """One way of pairing.
+
+    Attributes
+    ----------
+    inputs : tuple of int
+        `inputs[r]` is the input that controls output r, counted from 0.
+    relative_gains : (n,)
+        Relative gains of the pairs.
+    niederlinski_index : float
+        Negative: with integral action in all loops the closed system is unstable, however the
+        loops are tuned (stable plants). NaN where a pair has no gain.
+    admissible : bool
+        All relative gains and the index are positive.
+    within_band : bool
+        All relative gains lie in `BAND`.
+    distance : float
+        Sum over the pairs of |ln lambda|, zero without interaction: halving and doubling a
+        gain count alike, as they do in `BAND`. A pair with lambda <= 0 adds more than 1000.
+
+    """
+
+    inputs: tuple[int, ...]
+    relative_gains: NDArray[np.float64]
+    niederlinski_index: float
+    admissible: bool
+    within_band: bool
+    distance: float
+
+
+@dataclass(frozen=True)
+class PairingRanking:
+    """Pairings, best first: the admissible ones, each set by rising distance.
+
+    `examined` pairings were compared; `exhaustive` says whether these are all. `pairings` holds
+    the best `KEPT` of them.
+    """
+
+    pairings: tuple[Pairing, ...]
+    examined: int
+    exhaustive: bool
+
+    @property
+    def recommended(self) -> Pairing | None:
+        """The best admissible pairing, or None where there is none among those examined."""
+        best = self.pairings[0]
+        return best if best.admissible else None
+
+
+def niederlinski_index(gain: NDArray[np.float64]) -> float:
+    """Return det P(0) over the product of the diagonal elements; NaN where one is zero.
+
+    Parameters
+    ----------
+    gain : (n, n)
+        Static gain with the columns in the order of the pairing.
+
+    """
+    product = float(np.prod(np.diag(gain)))
+    return float(np.linalg.det(gain)) / product if product else math.nan
+
+
+def rank_pairings(gain: NDArray[np.float64]) -> PairingRanking:
+    """Rank pairings: all of them up to n = 8, beyond that the `KEPT` nearest to no interaction.
+
+    Beyond n = 8 the candidates come in order of distance from the assignment problem and its
+    next best solutions (Murty 1968), so every pairing left out is at least as far from one.
+
+    Parameters
+    ----------
+    gain : (n, n)
+        Static gain, regular.
+
+    Raises
+    ------
+    InvalidInputError
+        As `relative_gain_array`.
+
+    """
+    relative_gains = relative_gain_array(gain)
+    n = len(gain)
+    cost = _distance(relative_gains)
+    exhaustive = n <= EXHAUSTIVE_UP_TO
+    if exhaustive:
+        candidates = np.array(list(itertools.permutations(range(n))), dtype=np.intp)
+    else:
+        candidates = np.array(list(itertools.islice(_assignments(cost), KEPT)), dtype=np.intp)
+    rows = np.arange(n)
+    distances = cost[rows, candidates].sum(axis=1)
+    pair_gains = gain[rows, candidates]
+    # Sign and size apart: the products of the gains of a large plant may overflow.
+    sign, log_size = np.linalg.slogdet(gain)
+    signs = sign * _parity(candidates) * np.prod(np.sign(pair_gains), axis=1)
+    with np.errstate(divide="ignore"):
+        log_products = np.log(np.abs(pair_gains)).sum(axis=1)
+    all_positive = np.all(relative_gains[rows, candidates] > 0, axis=1)
+    admissible = all_positive & (signs > 0)
+    order = np.lexsort((distances, ~admissible))[:KEPT]
+    pairings = tuple(
+        _pairing(
+            tuple(int(c) for c in candidates[index]),
+            relative_gains[rows, candidates[index]],
+            _index(float(signs[index]), log_size - log_products[index]),
+            float(distances[index]),
+        )
+        for index in order
+    )
+    return PairingRanking(pairings, len(candidates), exhaustive)
+
+
+def rank_parallel_pairings(matrix: ParallelMatrix) -> PairingRanking:
+    """Rank the pairings of n > `EXHAUSTIVE_UP_TO` identical units.
+
+    The distance depends only on how many units keep their own input, so by linearity one of
+    "all" and "none" is best; among "none" the parity decides the sign of the index. So three
+    candidates stand for all n! pairings.
+
+    Parameters
+    ----------
+    matrix : ParallelMatrix
+        Real and regular.
+
+    """
+    n = matrix.n
+    own = tuple(range(n))
+    shifted = (*range(1, n), 0)  # one cycle of n
+    split = (1, 0, *range(3, n), 2)  # a swap and a cycle of n - 2: the other parity
+    determinant = matrix.log_determinant
+    pairings = []
+    for inputs, gain, relative_gain, parity in (
+        (own, matrix.own, matrix.own_relative_gain, 1.0),
+        (shifted, matrix.other, matrix.other_relative_gain, -1.0 if n % 2 == 0 else 1.0),
+        (split, matrix.other, matrix.other_relative_gain, 1.0 if n % 2 == 0 else -1.0),
+    ):
+        value = float(np.real(gain))
+        sign = float(np.real(determinant.phase)) * parity * float(np.sign(value)) ** n
+        log_product = n * math.log(abs(value)) if value else -math.inf
+        relative_gains = np.full(n, float(np.real(relative_gain)))
+        pairings.append(
+            _pairing(
+                inputs,
+                relative_gains,
+                _index(float(np.sign(sign)), determinant.log_magnitude - log_product),
+                float(_distance(relative_gains).sum()),
+            )
+        )
+    pairings.sort(key=lambda pairing: (not pairing.admissible, pairing.distance))
+    return PairingRanking(tuple(pairings), len(pairings), exhaustive=False)
+
+
+def _pairing(
+    inputs: tuple[int, ...], relative_gains: NDArray[np.float64], index: float, distance: float
+) -> Pairing:
+    return Pairing(
+        inputs=inputs,
+        relative_gains=relative_gains,
+        niederlinski_index=index,
+        admissible=bool(np.all(relative_gains > 0)) and index > 0,
+        within_band=bool(np.all((relative_gains >= BAND[0]) & (relative_gains <= BAND[1]))),
+        distance=distance,
+    )
+
+
+def _index(sign: float, log_size: float) -> float:
+    """Niederlinski index from sign and logarithm; NaN where a pair has no gain."""
+    if sign == 0:
+        return math.nan
+    return sign * (math.exp(log_size) if log_size < math.log(np.finfo(float).max) else math.inf)
+
+
+def _distance(relative_gains: NDArray[np.float64]) -> NDArray[np.float64]:
+    positive = relative_gains > 0
+    near_one = np.abs(np.log(np.where(positive, relative_gains, 1.0)))
+    refused = _REFUSED + np.log1p(np.abs(relative_gains))
+    return np.asarray(np.where(positive, near_one, refused), dtype=np.float64)
+
+
+def _parity(permutations: NDArray[np.intp]) -> NDArray[np.float64]:
+    """Sign of each permutation, (m,), by counting inversions."""
+    n = permutations.shape[1]
+    inversions = np.zeros(len(permutations), dtype=np.intp)
+    for first in range(n):
+        for second in range(first + 1, n):
+            inversions += permutations[:, first] > permutations[:, second]
+    return 1.0 - 2.0 * (inversions % 2)
+
+
+def _assignments(cost: NDArray[np.float64]) -> Iterator[tuple[int, ...]]:
+    """Yield assignments row -> column by rising cost (Murty 1968)."""
+    n = len(cost)
+    barred = n * 1e6  # above any sum of costs
+
+    def solve(banned: NDArray[np.bool_]) -> tuple[float, tuple[int, ...]]:
+        rows, columns = linear_sum_assignment(np.where(banned, barred, cost))
+        total = float(np.where(banned, barred, cost)[rows, columns].sum())
+        return total, tuple(int(c) for c in columns)
+
+    counter = itertools.count()  # breaks ties before the heap compares arrays
+    nothing = np.zeros((n, n), dtype=bool)
+    heap = [(*solve(nothing), next(counter), 0, nothing)]
+    while heap:
+        _, columns, _, fixed, banned = heapq.heappop(heap)
+        yield columns
+        # Split what is left by the first row that differs from this assignment.
+        kept = banned.copy()
+        for row in range(fixed, n - 1):
+            child = kept.copy()
+            child[row, columns[row]] = True
+            total, solution = solve(child)
+            if total < barred:
+                heapq.heappush(heap, (total, solution, next(counter), row, child))
+            kept[row, :] = True
+            kept[row, columns[row]] = False

@@ -1,0 +1,211 @@
+"""Bristol's relative gain array R = P .* P^-T, static, at frequencies and for integrating plants.
+
+Astrom and Hagglund, chapter 11, eqs. 11.3 to 11.5; the array over frequency: Johansson (1993),
+eq. 7, after McAvoy.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TYPE_CHECKING, Any, TypeVar, cast
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from solver.errors import InvalidInputError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from solver.plants import Plant
+    from solver.transfer_function import TransferFunction
+
+__all__ = [
+    "GainStatus",
+    "LowFrequencyGain",
+    "is_singular",
+    "low_frequency_gain",
+    "relative_gain_array",
+    "relative_gain_at",
+]
+
+# Elements of the array grow with the condition number of the equilibrated gain; beyond this one
+# fewer than three digits of them would be left.
+SINGULAR_CONDITION = 1e13
+
+_Number = TypeVar("_Number", bound=np.inexact[Any])
+
+
+class GainStatus(StrEnum):
+    """What is known of the gain as s goes to zero.
+
+    REGULAR: P(0) is finite and not singular.
+    INTEGRATING: some elements integrate; the array is the limit for s -> 0.
+    SINGULAR: the outputs cannot be moved independently at steady state, so the array does not
+    exist and integral control of all outputs is impossible. Try (a) other actuators or
+    measurements, (b) dropping one loop of the dependent ones.
+    """
+
+    REGULAR = "regular"
+    INTEGRATING = "integrating"
+    SINGULAR = "singular"
+
+
+@dataclass(frozen=True)
+class LowFrequencyGain:
+    """Leading behaviour P(s) ~ diag(s^rows) gain diag(s^columns) as s -> 0.
+
+    Relative gains, pairings and the Niederlinski index do not change when rows and columns are
+    scaled, so `gain` stands for P(0) in all of them. `rows` and `columns` (n,) are zero for a
+    plant without integrators.
+    """
+
+    status: GainStatus
+    gain: NDArray[np.float64]
+    rows: NDArray[np.int64]
+    columns: NDArray[np.int64]
+
+
+def relative_gain_array(gain: ArrayLike) -> NDArray[np.float64]:
+    """Return the relative gain array of a static gain, (n, n).
+
+    Element (r, c) is the gain from input c to output r with all other loops open, over the same
+    gain with all other outputs held by their loops. Rows and columns sum to one.
+
+    Parameters
+    ----------
+    gain : array_like
+        Static gain, (n, n) real.
+
+    Returns
+    -------
+    (n, n) real
+        Source: Astrom and Hagglund, eq. 11.4.
+
+    Raises
+    ------
+    InvalidInputError
+        Not a square matrix, a number that is not finite, or a singular gain.
+
+    Examples
+    --------
+    >>> relative_gain_array([[1, 2], [1, 1]])
+    array([[-1.,  2.],
+           [ 2., -1.]])
+
+    """
+    P = np.asarray(gain, dtype=float)
+    if P.ndim != 2 or P.shape[0] != P.shape[1] or not P.size:
+        shape = " x ".join(map(str, P.shape))
+        message = f"the relative gain array needs a square matrix, this one is {shape}"
+        raise InvalidInputError(message)
+    if not np.all(np.isfinite(P)):
+        message = "the gain holds numbers that are not finite"
+        raise InvalidInputError(message)
+    if is_singular(P):
+        message = "the gain is singular: its relative gain array does not exist"
+        raise InvalidInputError(message)
+    core = _equilibrate(P)  # scaling leaves the array as it is and the inverse accurate
+    gains = core * np.linalg.inv(core).T
+    # An element that is zero but for rounding must not pass for a positive one.
+    noise = len(gains) * np.finfo(float).eps * np.max(np.abs(gains)) ** 2
+    return np.where(np.abs(gains) <= noise, 0.0, gains)
+
+
+def relative_gain_at(response: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Return the relative gain array at frequencies, (k, n, n) complex.
+
+    NaN at a frequency where the response is singular or infinite (a zero or pole on the
+    imaginary axis).
+
+    Parameters
+    ----------
+    response : (k, n, n) complex
+        Frequency response of the plant. Source: Johansson (1993), eq. 7.
+
+    """
+    result = np.full(response.shape, complex(np.nan, np.nan))
+    for index, matrix in enumerate(response):
+        if np.all(np.isfinite(matrix)) and not is_singular(matrix):
+            core = _equilibrate(matrix)
+            result[index] = core * np.linalg.inv(core).T
+    return result
+
+
+def is_singular(matrix: NDArray[np.inexact[Any]]) -> bool:
+    """Whether the square matrix is singular to working accuracy, units of its signals apart."""
+    if not np.all(np.any(matrix, axis=0)) or not np.all(np.any(matrix, axis=1)):
+        return True
+    return bool(np.linalg.cond(_equilibrate(matrix)) > SINGULAR_CONDITION)
+
+
+def low_frequency_gain(plant: Plant) -> LowFrequencyGain:
+    """Return the leading behaviour of the plant as s -> 0.
+
+    For an integrating plant the powers of s are the dual variables of an assignment problem on
+    the elements' orders: the scaled matrix is finite and holds a full transversal, so unless
+    leading terms cancel it is regular and the limit of the array is exact.
+
+    Parameters
+    ----------
+    plant : Plant
+        Any plant; dead time does not matter here.
+
+    """
+    n = plant.n
+    gain = plant.static_gain()
+    flat = np.zeros(n, dtype=np.int64)
+    if np.all(np.isfinite(gain)):
+        status = GainStatus.SINGULAR if is_singular(gain) else GainStatus.REGULAR
+        return LowFrequencyGain(status, gain, flat, flat)
+    leading = [[_leading_term(plant.element(r, c)) for c in range(n)] for r in range(n)]
+    orders = np.array([[term[0] for term in row] for row in leading])
+    coefficients = np.array([[term[1] for term in row] for row in leading])
+    if np.any(np.all(coefficients == 0, axis=0)) or np.any(np.all(coefficients == 0, axis=1)):
+        return LowFrequencyGain(GainStatus.SINGULAR, coefficients, flat, flat)
+    rows, columns = _dual_powers(orders, coefficients != 0)
+    scaled = np.where(orders == rows[:, None] + columns[None, :], coefficients, 0.0)
+    status = GainStatus.SINGULAR if is_singular(scaled) else GainStatus.INTEGRATING
+    return LowFrequencyGain(status, scaled, rows, columns)
+
+
+def _leading_term(element: TransferFunction) -> tuple[int, float]:
+    """Order m and coefficient c of element ~ c s^m as s -> 0; (0, 0) for the zero function."""
+    if element.is_zero:
+        return 0, 0.0
+    num, den = np.array(element.num), np.array(element.den)
+    num_order = int(np.flatnonzero(num[::-1])[0])
+    den_order = int(np.flatnonzero(den[::-1])[0])
+    return num_order - den_order, float(num[-1 - num_order] / den[-1 - den_order])
+
+
+def _dual_powers(
+    orders: NDArray[np.int64], present: NDArray[np.bool_]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Powers with rows[r] + columns[c] <= orders[r, c], equality along a cheapest transversal."""
+    n = len(orders)
+    # An absent element is worse than any transversal of present ones.
+    absent = 1 + 2 * n * int(np.max(np.abs(orders))) + n
+    cost = np.where(present, orders, absent)
+    row_index, column_of = linear_sum_assignment(cost)
+    columns = np.zeros(n, dtype=np.int64)
+    # Bellman-Ford on the exchange graph: n rounds suffice, a cheapest transversal has no
+    # negative cycle.
+    matched = cost[row_index, column_of]
+    for _ in range(n):
+        rows = matched - columns[column_of]
+        columns = np.minimum(columns, np.min(cost - rows[:, None], axis=0))
+    rows = matched - columns[column_of]
+    return rows.astype(np.int64), columns
+
+
+def _equilibrate(matrix: NDArray[_Number]) -> NDArray[_Number]:
+    """Scale rows and columns to magnitude one (Ruiz 2001, infinity norm); none may be zero."""
+    core = matrix
+    # A round halves the distance to one in logarithm: 2^-12 of 24 decades is a factor 1.01.
+    for _ in range(12):
+        row = np.sqrt(np.max(np.abs(core), axis=1))
+        column = np.sqrt(np.max(np.abs(core), axis=0))
+        core = cast("NDArray[_Number]", core / row[:, None] / column[None, :])
+    return core
