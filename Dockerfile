@@ -11,13 +11,14 @@ COPY service service
 RUN /opt/mutune/bin/pip install --no-deps --no-build-isolation .
 
 FROM python:3.11-slim
-RUN useradd --system --uid 10001 --user-group --create-home --home-dir /var/lib/mutune mutune
+RUN useradd --system --uid 10001 --user-group --create-home --home-dir /var/lib/mutune mutune \
+    && install --directory --owner=mutune --group=mutune /var/cache/mutune
 COPY --from=build /opt/mutune /opt/mutune
 ENV PATH=/opt/mutune/bin:$PATH \
     PYTHONUNBUFFERED=1 \
     OPENBLAS_NUM_THREADS=1 \
     MUTUNE_DATA_DIR=/var/lib/mutune \
-    NUMBA_CACHE_DIR=/var/lib/mutune/.numba
+    NUMBA_CACHE_DIR=/var/cache/mutune
 USER mutune
 WORKDIR /var/lib/mutune
 # As the user that will read the compiled kernels.
