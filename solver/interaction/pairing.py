@@ -229,7 +229,7 @@ def _parity(permutations: NDArray[np.intp]) -> NDArray[np.float64]:
     for first in range(n):
         for second in range(first + 1, n):
             inversions += permutations[:, first] > permutations[:, second]
-    return 1.0 - 2.0 * (inversions % 2)
+    return np.where(inversions % 2, -1.0, 1.0)
 
 
 def _assignments(cost: NDArray[np.float64]) -> Iterator[tuple[int, ...]]:

@@ -1,0 +1,215 @@
+"""Decentralised integral controllability (DIC): loops detuned or switched off one by one.
+
+A stable plant is DIC if some diagonal controller with integral action in every loop is stable
+and stays so while the gains are reduced independently by any factors in [0, 1]. Necessary
+conditions on the static gain: Skogestad, Lundstrom and Hovd (1989), section 4.1, after Skogestad
+and Morari (1988). Sufficient condition: a diagonal D > 0 with D G+ + G+^T D > 0 (proof in
+docs/interaction.md). For parallel plants the two meet: DIC exactly for -1/(n-1) < a < 1.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.optimize import linprog
+
+from solver.interaction.relative_gain import is_singular
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from solver.interaction.parallel_matrix import ParallelMatrix
+
+__all__ = [
+    "IntegralControllability",
+    "Verdict",
+    "integral_controllability",
+    "parallel_integral_controllability",
+]
+
+# An eigenvalue below this, relative to the gain, is zero but for rounding.
+_ZERO = 1e-12
+
+
+class Verdict(StrEnum):
+    """Whether the plant, as paired, is decentralised integral controllable.
+
+    GUARANTEED: proven. IMPOSSIBLE: disproven; see `reasons`; try another pairing. UNDECIDED: the
+    necessary conditions hold and the sufficient one does not.
+    """
+
+    GUARANTEED = "guaranteed"
+    IMPOSSIBLE = "impossible"
+    UNDECIDED = "undecided"
+
+
+@dataclass(frozen=True)
+class IntegralControllability:
+    """Outcome of the conditions.
+
+    Attributes
+    ----------
+    verdict : Verdict
+        What they say together.
+    reasons : tuple of str
+        Each necessary condition that fails, in words.
+    failing_subsets : tuple of tuple of int
+        The smallest sets of loops (from 0) whose own plant fails; the full set included.
+    smallest_eigenvalue : float
+        Least real part of the eigenvalues of G+(0), the gain with the signs of the inputs
+        turned so that the diagonal is positive.
+    scaling : (n,) or None
+        Diagonal of D that proves the sufficient condition, where found.
+    lower_limit, upper_limit : float or None
+        For a parallel plant, the open interval of the interaction a in which it is DIC.
+
+    """
+
+    verdict: Verdict
+    reasons: tuple[str, ...]
+    failing_subsets: tuple[tuple[int, ...], ...]
+    smallest_eigenvalue: float
+    scaling: NDArray[np.float64] | None = None
+    lower_limit: float | None = None
+    upper_limit: float | None = None
+
+
+def integral_controllability(gain: NDArray[np.float64]) -> IntegralControllability:
+    """Test a static gain as paired (loop r connects output r to input r).
+
+    The relative-gain condition on all sub-systems says that every principal minor of G+ is
+    positive (a relative gain is a quotient of two of them), so the minors are tested; 2^n of
+    them, n <= 10. The eigenvalue condition is tested on the same sub-systems.
+
+    Parameters
+    ----------
+    gain : (n, n)
+        Static gain of a stable plant, finite.
+
+    """
+    n = len(gain)
+    diagonal = np.diag(gain)
+    if np.any(diagonal == 0):
+        dead = tuple((int(loop),) for loop in np.flatnonzero(diagonal == 0))
+        names = ", ".join(str(loop + 1) for (loop,) in dead)
+        reason = f"no gain from input to output in loop {names}"
+        return IntegralControllability(Verdict.IMPOSSIBLE, (reason,), dead, 0.0)
+    positive = gain * np.sign(diagonal)
+    smallest = float(np.min(np.linalg.eigvals(positive).real))
+    failing: list[tuple[int, ...]] = []
+    reasons: list[str] = []
+    for size in range(2, n + 1):
+        for subset in itertools.combinations(range(n), size):
+            if any(set(smaller) <= set(subset) for smaller in failing):
+                continue
+            failure = _failure(positive[np.ix_(subset, subset)])
+            if failure is not None:
+                failing.append(subset)
+                names = ", ".join(str(loop + 1) for loop in subset)
+                reasons.append(f"loops {names}: {failure}")
+    if failing:
+        return IntegralControllability(Verdict.IMPOSSIBLE, tuple(reasons), tuple(failing), smallest)
+    scaling = _diagonal_proof(positive)
+    verdict = Verdict.UNDECIDED if scaling is None else Verdict.GUARANTEED
+    return IntegralControllability(verdict, (), (), smallest, scaling)
+
+
+def parallel_integral_controllability(matrix: ParallelMatrix) -> IntegralControllability:
+    """Test the static gain of n identical units, any n, in closed form (SLH eqs. 22 to 24).
+
+    Within -1/(n-1) < a < 1 the matrix G+ is symmetric and positive definite, which proves DIC:
+    SLH left the sufficiency open.
+
+    Parameters
+    ----------
+    matrix : ParallelMatrix
+        Static gain, real.
+
+    """
+    n, own, other = matrix.n, float(np.real(matrix.own)), float(np.real(matrix.other))
+    if own == 0:
+        reason = "no gain from input to output in any loop"
+        return IntegralControllability(Verdict.IMPOSSIBLE, (reason,), ((0,),), 0.0)
+    if n == 1:
+        return IntegralControllability(Verdict.GUARANTEED, (), (), abs(own), np.ones(1), None, None)
+    a = other / own
+    lower = -1 / (n - 1)
+    smallest = min(1 - a, 1 + (n - 1) * a) * abs(own)
+    if lower < a < 1:
+        return IntegralControllability(Verdict.GUARANTEED, (), (), smallest, np.ones(n), lower, 1.0)
+    failing: tuple[int, ...] = (0, 1)
+    if a >= 1:
+        reason = f"the interaction a = {a:.6g} is not below 1: no two units can be told apart"
+    else:
+        # The sub-system of m units has the lower limit -1/(m-1): the smallest m that fails.
+        count = next(m for m in range(2, n + 1) if 1 + (m - 1) * a <= 0)
+        failing = tuple(range(count))
+        reason = (
+            f"the interaction a = {a:.6g} is not above -1/(n-1) = {lower:.6g}: "
+            "the sum of the outputs goes the wrong way"
+        )
+    return IntegralControllability(
+        Verdict.IMPOSSIBLE, (reason,), (failing,), smallest, None, lower, 1.0
+    )
+
+
+def _unit_diagonal(positive: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Scale rows and columns alike to a unit diagonal; minors keep their signs."""
+    root = np.sqrt(np.diag(positive))
+    return positive / root[:, None] / root[None, :]
+
+
+def _failure(gain: NDArray[np.float64]) -> str | None:
+    """Return the necessary condition that a sub-system fails, its own sub-systems being sound.
+
+    `gain` has a positive diagonal.
+    """
+    if is_singular(gain):
+        return "the static gain is singular"
+    if np.linalg.slogdet(_unit_diagonal(gain)).sign < 0:
+        return "negative relative gains and a negative Niederlinski index"
+    smallest = float(np.min(np.linalg.eigvals(gain).real))
+    if smallest < -_ZERO * float(np.linalg.norm(gain)):
+        return f"an eigenvalue of the static gain has real part {smallest:.6g}"
+    return None
+
+
+def _diagonal_proof(positive: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    """Return d > 0 with diag(d) G + G^T diag(d) > 0, or None where there is none.
+
+    The smallest eigenvalue is concave in d; Kelley's cutting planes find d or a combination of
+    cuts that excludes every d. The answer is checked by its eigenvalues.
+    """
+    n = len(positive)
+    G = _unit_diagonal(positive)
+    G = G / np.linalg.norm(G, 2)
+    d = np.full(n, 1.0 / n)
+    cuts: list[NDArray[np.float64]] = []
+    best, best_value = d, -np.inf
+    for _ in range(50 * n):
+        M = d[:, None] * G
+        values, vectors = np.linalg.eigh(M + M.T)
+        if values[0] > best_value:
+            best, best_value = d, float(values[0])
+        # v^T (D G + G^T D) v = 2 sum_i d_i v_i (G v)_i is linear in d.
+        cuts.extend(2 * v * (G @ v) for v in vectors.T[values <= values[0] + 0.1 * abs(values[0])])
+        # Maximise t: t <= cut . d for all cuts, sum d = 1, d >= 1e-9 (D must stay regular).
+        solution = linprog(
+            c=np.append(np.zeros(n), -1.0),
+            A_ub=np.column_stack([-np.array(cuts), np.ones(len(cuts))]),
+            b_ub=np.zeros(len(cuts)),
+            A_eq=np.append(np.ones(n), 0.0)[None, :],
+            b_eq=[1.0],
+            bounds=[(1e-9, 1.0)] * n + [(None, None)],
+        )
+        bound = np.asarray(solution.x)[-1] if solution.success else 0.0
+        if bound <= _ZERO or best_value >= 0.5 * bound:  # a proof far from rounding is enough
+            break
+        d = np.asarray(solution.x)[:-1]
+    if best_value <= _ZERO:
+        return None
+    return best  # scaling rows and columns alike is a congruence: the same D serves G+
