@@ -56,6 +56,32 @@ def tune(request: Input, *, as_json: AsJson = False) -> None:
 
 
 @app.command()
+def batch(
+    requests: Annotated[
+        Path, typer.Argument(metavar="REQUESTS.ndjson", help="A request a line; - reads stdin.")
+    ],
+    *,
+    results: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="RESULTS.ndjson",
+            help="Where to write; a run that was stopped goes on here. Default: stdout.",
+        ),
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(metavar="tcp://...", help="Dask scheduler; default: processes here."),
+    ] = None,
+) -> None:
+    """Tune many requests, in order, on all cores or on a Dask cluster."""
+    from service.cli.batch import batch_file  # noqa: PLC0415 - heavy
+
+    raise typer.Exit(batch_file(requests, results=results, scheduler=scheduler))
+
+
+@app.command()
 def robustness(request: Input, *, as_json: AsJson = False) -> None:
     """Analyse given loop settings."""
     from service.cli.robustness import analyse_file  # noqa: PLC0415 - heavy

@@ -9,7 +9,7 @@ from functools import wraps
 from pathlib import Path
 from typing import ParamSpec
 
-from service.schemas import RequestError, TuningResult
+from service.schemas import Fault, RequestError, TuningResult
 from solver.errors import InvalidInputError
 
 __all__ = ["ExitCode", "exit_code_of", "read_input", "reported", "say"]
@@ -47,11 +47,16 @@ def read_input(path: Path) -> bytes:
 
     Raises
     ------
-    OSError
+    RequestError
         The file cannot be read.
 
     """
-    return sys.stdin.buffer.read() if str(path) == "-" else path.read_bytes()
+    if str(path) == "-":
+        return sys.stdin.buffer.read()
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise RequestError((Fault("", f"{path}: {error.strerror}"),)) from None
 
 
 def reported(command: Callable[_Parameters, ExitCode]) -> Callable[_Parameters, ExitCode]:
@@ -63,17 +68,21 @@ def reported(command: Callable[_Parameters, ExitCode]) -> Callable[_Parameters, 
             return command(*args, **kwargs)
         except RequestError as error:
             for fault in error.faults:
-                say(f"error: {fault.pointer or 'request'}: {fault.detail}")
+                _say_fault(fault)
         except InvalidInputError as error:
-            say(f"error: {error.field or 'request'}: {error.message}")
+            _say_fault(Fault(error.field, error.message))
         except BrokenPipeError:  # the reader of the output went away; typer ends quietly
             raise
         except OSError as error:
-            name = "" if error.filename is None else f"{error.filename}: "
-            say(f"error: {name}{error.strerror or error}")
+            say(f"error: {error}")
+            return ExitCode.FAILED
         except KeyboardInterrupt:
             say("Interrupted.")
             return ExitCode.INTERRUPTED
         return ExitCode.BAD_INPUT
 
     return run
+
+
+def _say_fault(fault: Fault) -> None:
+    say("error: " + (f"{fault.pointer}: " if fault.pointer else "") + fault.detail)
