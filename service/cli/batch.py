@@ -52,7 +52,7 @@ def batch_file(requests: Path, *, results: Path | None, scheduler: str | None) -
     results : Path or None
         Where to write; None: standard output.
     scheduler : str or None
-        Address of a Dask scheduler; None: as ``MUTUNE_SCHEDULER`` says, else local processes.
+        Address of a Dask scheduler; None: processes on this machine.
 
     Returns
     -------
@@ -133,8 +133,7 @@ class _Batch:
     async def run(self, scheduler: str | None) -> None:
         """Run to the end."""
         settings = Settings()
-        address = scheduler or settings.scheduler
-        engine = Engine(address, settings.workers, self._wake.set)
+        engine = Engine(scheduler, settings.workers, self._wake.set)
         await engine.start()
         running: set[asyncio.Task[None]] = set()
         try:
@@ -247,6 +246,9 @@ def _writer(
 @contextmanager
 def _bar(start: int, total: int) -> Iterator[Callable[[], None]]:
     columns = (TextColumn("Batch"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    console = Console(stderr=True)
+    with Progress(
+        *columns, console=console, transient=True, disable=not console.is_terminal
+    ) as bar:
         task = bar.add_task("", total=total, completed=start)
         yield lambda: bar.advance(task)

@@ -27,6 +27,13 @@ AsJson = Annotated[
     bool, typer.Option("--json", help="Print the result as JSON and nothing else on stdout.")
 ]
 
+Scheduler = Annotated[
+    str | None,
+    typer.Option(
+        envvar="MUTUNE_SCHEDULER", metavar="tcp://...", help="Dask scheduler to work with."
+    ),
+]
+
 
 def _version(wanted: bool) -> None:  # noqa: FBT001 - typer's form of a callback
     if wanted:
@@ -70,10 +77,7 @@ def batch(
             help="Where to write; a run that was stopped goes on here. Default: stdout.",
         ),
     ] = None,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(metavar="tcp://...", help="Dask scheduler; default: processes here."),
-    ] = None,
+    scheduler: Scheduler = None,
 ) -> None:
     """Tune many requests, in order, on all cores or on a Dask cluster."""
     from service.cli.batch import batch_file  # noqa: PLC0415 - heavy
@@ -87,6 +91,26 @@ def robustness(request: Input, *, as_json: AsJson = False) -> None:
     from service.cli.robustness import analyse_file  # noqa: PLC0415 - heavy
 
     raise typer.Exit(analyse_file(request, as_json=as_json))
+
+
+@app.command()
+def serve(
+    *,
+    host: Annotated[str, typer.Option(help="Address to listen on.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(min=0, max=65535, help="0: any free port.")] = 8000,
+) -> None:
+    """Serve the HTTP API and the page."""
+    from service.cli.serving import serve as run  # noqa: PLC0415 - heavy
+
+    raise typer.Exit(run(host, port))
+
+
+@app.command()
+def worker(*, scheduler: Scheduler = None) -> None:
+    """Compute for a Dask scheduler, on MUTUNE_WORKERS processes."""
+    from service.cli.serving import work  # noqa: PLC0415 - heavy
+
+    raise typer.Exit(work(scheduler))
 
 
 def main() -> None:

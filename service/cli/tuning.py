@@ -50,7 +50,10 @@ def _tune(request: TuningRequest) -> dict[str, object]:
         TextColumn("{task.fields[starts]} starts done, best {task.fields[best]}"),
         TimeElapsedColumn(),
     )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    console = Console(stderr=True)
+    with Progress(
+        *columns, console=console, transient=True, disable=not console.is_terminal
+    ) as bar:
         task = bar.add_task("Tuning", total=1.0, starts=0, best=number(None))
 
         def show(progress: solver.results.Progress) -> None:

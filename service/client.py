@@ -1,0 +1,234 @@
+"""A client of the service for Python programs.
+
+>>> from service.client import Client  # doctest: +SKIP
+>>> with Client("http://127.0.0.1:8000") as client:  # doctest: +SKIP
+...     result = client.tune(request)
+>>> result.tau_p  # doctest: +SKIP
+18.446
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from types import TracebackType
+from typing import Any, Self
+
+import httpx
+from pydantic import BaseModel, ValidationError
+
+from service.problems import MEDIA_TYPE, Problem
+from service.schemas import RobustnessRequest, RobustnessResult, TuningRequest, TuningResult
+from service.schemas.jobs import Job, JobProgress
+
+__all__ = ["Client", "JobEndedError", "ServiceError", "ServiceUnreachableError"]
+
+_SILENCE = 60.0  # seconds without an event; the service sends a sign of life every 15
+_PATIENCE = 60.0  # seconds in which a service that went away may come back
+_RETRY = 0.5
+_TRANSIENT = {502, 503, 504}  # what the service, or a proxy before it, says while it restarts
+
+OnProgress = Callable[[JobProgress], None]
+
+
+class ServiceUnreachableError(Exception):
+    """The service does not answer."""
+
+
+class ServiceError(Exception):
+    """The service refused a request.
+
+    Parameters
+    ----------
+    status : int
+        HTTP status.
+    problem : Problem or None
+        What the service said, None where something else answered in its place.
+
+    """
+
+    def __init__(self, status: int, problem: Problem | None) -> None:
+        reason = "no problem document" if problem is None else f"{problem.title}: {problem.detail}"
+        super().__init__(f"{status}: {reason}")
+        self.status = status
+        self.problem = problem
+
+
+class JobEndedError(Exception):
+    """A job ended without a result.
+
+    Parameters
+    ----------
+    job : Job
+        The job, with its status and error.
+
+    """
+
+    def __init__(self, job: Job) -> None:
+        reason = "" if job.error is None else f": {job.error.detail}"
+        super().__init__(f"tuning {job.id} {job.status.replace('_', ' ')}{reason}")
+        self.job = job
+
+
+class Client:
+    """Connection to a running service. A context manager.
+
+    Parameters
+    ----------
+    url : str
+        Where the service is.
+
+    """
+
+    def __init__(self, url: str = "http://127.0.0.1:8000") -> None:
+        self._http = httpx.Client(base_url=url, timeout=httpx.Timeout(30.0, read=_SILENCE))
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the connections."""
+        self._http.close()
+
+    def tune(
+        self, request: TuningRequest | Mapping[str, Any], on_progress: OnProgress | None = None
+    ) -> TuningResult:
+        """Submit a tuning and wait for its result.
+
+        Parameters
+        ----------
+        request : TuningRequest or mapping
+            The request, or its JSON object.
+        on_progress : callable or None
+            Called at each change.
+
+        Raises
+        ------
+        ServiceError, ServiceUnreachableError, JobEndedError
+            See there.
+
+        """
+        job = self.wait(self.submit(request).id, on_progress)
+        if job.result is None:
+            raise JobEndedError(job)
+        return job.result
+
+    def submit(
+        self, request: TuningRequest | Mapping[str, Any], idempotency_key: str | None = None
+    ) -> Job:
+        """Submit a tuning; the service keeps it, come what may.
+
+        Parameters
+        ----------
+        request : TuningRequest or mapping
+            The request, or its JSON object.
+        idempotency_key : str or None
+            Submitting again under the same key returns the same job.
+
+        """
+        headers = {} if idempotency_key is None else {"Idempotency-Key": idempotency_key}
+        response = self._send("POST", "/v1/tunings", _document(request), headers)
+        return Job.model_validate_json(response.content)
+
+    def get(self, job_id: str) -> Job:
+        """Return the job as it is now."""
+        return Job.model_validate_json(self._send("GET", f"/v1/tunings/{job_id}").content)
+
+    def cancel(self, job_id: str) -> Job:
+        """Ask a job to stop; one that has ended stays as it is."""
+        return Job.model_validate_json(self._send("DELETE", f"/v1/tunings/{job_id}").content)
+
+    def wait(self, job_id: str, on_progress: OnProgress | None = None) -> Job:
+        """Return the job once it has ended, however it ended.
+
+        A service that is restarted meanwhile goes on with the job, and the wait with it.
+
+        Raises
+        ------
+        ServiceUnreachableError
+            The service went away and did not come back within a minute.
+
+        """
+        deadline = time.monotonic() + _PATIENCE
+        while True:
+            try:
+                for event, data in self._events(job_id):
+                    deadline = time.monotonic() + _PATIENCE
+                    if event == "done":
+                        return Job.model_validate_json(data)
+                    if on_progress is not None:
+                        on_progress(_Event.model_validate_json(data).progress)
+            except (httpx.TransportError, ServiceError) as error:
+                if isinstance(error, ServiceError) and error.status not in _TRANSIENT:
+                    raise
+                if time.monotonic() > deadline:
+                    raise ServiceUnreachableError(str(error)) from error
+            time.sleep(_RETRY)
+
+    def robustness(self, request: RobustnessRequest | Mapping[str, Any]) -> RobustnessResult:
+        """Analyse given loop settings."""
+        response = self._send("POST", "/v1/robustness", _document(request))
+        return RobustnessResult.model_validate_json(response.content)
+
+    def _send(
+        self,
+        method: str,
+        path: str,
+        document: object | None = None,
+        headers: Mapping[str, str] | None = None,
+    ) -> httpx.Response:
+        try:
+            response = self._http.request(method, path, json=document, headers=headers)
+        except httpx.TransportError as error:
+            message = f"{self._http.base_url}: {error}"
+            raise ServiceUnreachableError(message) from error
+        _check(response)
+        return response
+
+    def _events(self, job_id: str) -> Iterator[tuple[str, str]]:
+        with self._http.stream("GET", f"/v1/tunings/{job_id}/events") as response:
+            if response.is_error:
+                response.read()
+            _check(response)
+            yield from _parse(response.iter_lines())
+
+
+class _Event(BaseModel):
+    """Data of a progress event."""
+
+    progress: JobProgress
+
+
+def _document(request: BaseModel | Mapping[str, Any]) -> object:
+    return request.model_dump(mode="json") if isinstance(request, BaseModel) else dict(request)
+
+
+def _check(response: httpx.Response) -> None:
+    if not response.is_error:
+        return
+    problem = None
+    if response.headers.get("content-type", "").startswith(MEDIA_TYPE):
+        try:
+            problem = Problem.model_validate_json(response.content)
+        except ValidationError:  # a proxy's idea of a problem
+            problem = None
+    raise ServiceError(response.status_code, problem)
+
+
+def _parse(lines: Iterable[str]) -> Iterator[tuple[str, str]]:
+    """Yield name and data of server-sent events."""
+    event = ""
+    for line in lines:
+        name, _, value = line.partition(": ")
+        if name == "event":
+            event = value
+        elif name == "data":
+            yield event, value
