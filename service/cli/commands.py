@@ -108,7 +108,7 @@ def serve(
 @app.command()
 def worker(*, scheduler: Scheduler = None) -> None:
     """Compute for a Dask scheduler, on MUTUNE_WORKERS processes."""
-    from service.cli.serving import work  # noqa: PLC0415 - heavy
+    from service.cli.worker import work  # noqa: PLC0415 - heavy
 
     raise typer.Exit(work(scheduler))
 

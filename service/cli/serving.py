@@ -1,22 +1,17 @@
-"""``mutune serve`` and ``mutune worker``: processes that run until they are stopped."""
+"""``mutune serve``: the service in this process, until it is stopped."""
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
-import signal
 
 import uvicorn
-from distributed import Nanny
 
 from service.app import create_app
-from service.cli.outcomes import ExitCode, reported, say
-from service.settings import Settings
+from service.cli.outcomes import ExitCode, reported
 
-__all__ = ["serve", "work"]
+__all__ = ["serve"]
 
 _GRACE = 5  # seconds for open connections at the end
-_RETRY = 2.0  # seconds between tries to reach the scheduler
 
 
 @reported
@@ -41,49 +36,3 @@ def serve(host: str, port: int) -> ExitCode:
     with contextlib.suppress(KeyboardInterrupt):  # uvicorn raises it again once it has shut down
         server.run()
     return ExitCode.DONE if server.started else ExitCode.FAILED
-
-
-@reported
-def work(scheduler: str | None) -> ExitCode:
-    """Compute for a Dask scheduler until Ctrl-C or SIGTERM.
-
-    Parameters
-    ----------
-    scheduler : str or None
-        Address of the scheduler.
-
-    Returns
-    -------
-    ExitCode
-        DONE once stopped; BAD_INPUT where no scheduler is named.
-
-    """
-    if scheduler is None:
-        say("error: name a scheduler by --scheduler or MUTUNE_SCHEDULER")
-        return ExitCode.BAD_INPUT
-    asyncio.run(_work(scheduler, Settings().workers))
-    return ExitCode.DONE
-
-
-async def _work(address: str, workers: int) -> None:
-    stopped = asyncio.Event()
-    loop = asyncio.get_running_loop()
-    for name in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(name, stopped.set)
-    tasks = [asyncio.create_task(_worker(address)) for _ in range(workers)]
-    await stopped.wait()
-    for task in tasks:
-        task.cancel()
-    await asyncio.gather(*tasks, return_exceptions=True)
-
-
-async def _worker(address: str) -> None:
-    """Keep a worker process at the scheduler, and come back when the scheduler does."""
-    while True:
-        try:
-            # One thread: tunings of one process would wait for each other.
-            async with Nanny(address, nthreads=1) as nanny:
-                await nanny.finished()
-        except OSError as error:
-            say(f"{address}: {error}")
-        await asyncio.sleep(_RETRY)
