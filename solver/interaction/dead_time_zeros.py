@@ -1,0 +1,139 @@
+"""Right-half-plane zeros of matrices whose dead times do not factor out.
+
+The determinant is transcendental and may have infinitely many zeros; those up to a radius are
+found by the argument principle. Dead times of whole rows and columns are taken out first.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections import Counter
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from solver.interaction.frequencies import corner_frequencies
+from solver.interaction.rational_matrix import Root
+from solver.interaction.relative_gain import is_singular
+from solver.interaction.zero_search import Box, zeros_in_box
+from solver.transfer_function import TransferFunction
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+__all__ = ["SumMatrix", "right_half_plane_zeros", "search_radius"]
+
+SumMatrix = list[list[tuple[TransferFunction, ...]]]
+"""Square matrix of sums of transfer functions."""
+
+_REACH = 10.0  # over the highest corner frequency
+_MAX_PHASE = 60.0  # radians by which dead time may turn the determinant: about ten zeros
+
+
+def search_radius(rows: SumMatrix) -> float:
+    """Return the radius up to which zeros are sought, rad per time unit.
+
+    Ten times the highest corner frequency, less where dead times turn the determinant by more
+    than 60 rad before.
+    """
+    reach = _REACH * corner_frequencies(_terms(rows))[1]
+    longest = float(np.sum(np.max(_remaining_dead_times(rows), axis=(1, 2))))
+    return min(reach, _MAX_PHASE / longest) if longest > 0 else reach
+
+
+def right_half_plane_zeros(
+    rows: SumMatrix, factors: tuple[int, ...], radius: float
+) -> tuple[Root, ...] | None:
+    """Return the zeros with Re >= 0 up to the radius; None where the determinant vanishes.
+
+    Zeros at unstable poles of the elements are not told from these poles and are left out.
+
+    Parameters
+    ----------
+    rows : SumMatrix
+        The matrix; the terms of each sum are weighted with `factors`.
+    factors : tuple of int
+        One a term.
+    radius : float
+        In rad per time unit.
+
+    """
+    lowest, _ = corner_frequencies(_terms(rows))
+    margin = 1e-4 * min(lowest, radius)  # lets the box hold zeros on the axes
+    matrix = _Delayed(rows, factors, _remaining_dead_times(rows))
+    unstable = _unstable_poles(rows, -2 * margin)
+
+    def determinant(points: NDArray[Any]) -> NDArray[np.complex128]:
+        value = np.linalg.det(matrix(points))
+        for pole, count in unstable.items():
+            value = value * ((points - pole) / (points + radius)) ** count
+        return np.asarray(value, dtype=np.complex128)
+
+    # Three points off the axes tell a determinant that vanishes identically.
+    probe = matrix(radius * np.array([0.01 + 0.3j, 0.1 + 0.05j, 0.4j]))
+    if all(is_singular(P) for P in probe):
+        return None
+    # Off-round numbers: a zero at a round place must not meet the edge. The lower half plane
+    # follows by symmetry.
+    box = Box(-margin, -1.1 * margin, 1.00077 * radius, 1.00181 * radius)
+    roots: list[Root] = []
+    for root in zeros_in_box(determinant, box):
+        value, count = root.value, root.multiplicity
+        if any(abs(value - pole) <= 1e-6 * abs(pole) for pole in unstable):
+            continue
+        if abs(value.imag) <= 1e-9 * abs(value) or abs(value) <= 1e-9 * margin:
+            roots.append(Root(complex(value.real), count))
+        elif value.imag > 0:
+            roots += [Root(value, count), Root(value.conjugate(), count)]
+    return tuple(roots)
+
+
+@dataclass(frozen=True)
+class _Delayed:
+    """The matrix with the dead times that remain, (n, n, terms), as a function of s."""
+
+    rows: SumMatrix
+    factors: tuple[int, ...]
+    dead_times: NDArray[np.float64]
+
+    def __call__(self, points: NDArray[Any]) -> NDArray[np.complex128]:
+        n = len(self.rows)
+        P = np.zeros((points.size, n, n), dtype=complex)
+        for row, column in itertools.product(range(n), repeat=2):
+            delays = self.dead_times[row, column]
+            for term, factor, delay in zip(
+                self.rows[row][column], self.factors, delays, strict=True
+            ):
+                rational = TransferFunction(term.num, term.den)
+                value = np.asarray(rational(points)) * np.exp(-delay * points)
+                P[:, row, column] += factor * value
+        return P
+
+
+def _terms(rows: SumMatrix) -> Iterator[TransferFunction]:
+    return (term for row in rows for terms in row for term in terms if not term.is_zero)
+
+
+def _remaining_dead_times(rows: SumMatrix) -> NDArray[np.float64]:
+    """Dead times less those of whole rows and columns, (n, n, terms)."""
+    times = np.array(
+        [[[np.inf if t.is_zero else t.dead_time for t in ts] for ts in row] for row in rows]
+    )
+    for axis in ((1, 2), (0, 2)):
+        least = np.min(times, axis=axis, keepdims=True)
+        times = times - np.where(np.isfinite(least), least, 0.0)
+    return np.where(np.isfinite(times), times, 0.0)
+
+
+def _unstable_poles(rows: SumMatrix, least_real: float) -> Counter[complex]:
+    """Poles right of a line, each as often as the determinant could have it: once a row."""
+    total: Counter[complex] = Counter()
+    for row in rows:
+        of_row: Counter[complex] = Counter()
+        for term in (term for terms in row for term in terms):
+            of_row |= Counter(complex(pole) for pole in term.poles if pole.real >= least_real)
+        total += of_row
+    return total
