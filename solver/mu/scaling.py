@@ -1,0 +1,196 @@
+"""Upper bound of mu by the fast path: one compiled barrier solve a frequency.
+
+Two callers of the same kernel: `upper_bound` for a given matrix N, and `sweep` for a loop in its
+factored form, which also returns how the level changes with the controllers.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from solver.mu.kernel import COLD, FINE, balance, compiled, solve, workspace
+from solver.mu.structure import BlockStructure, Bound, bound_of_scales
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["sweep", "upper_bound"]
+
+
+def upper_bound(N: NDArray[np.complex128], structure: BlockStructure) -> Bound:
+    """Upper bound of mu(N), min over D of sigma_max(D N D^-1).
+
+    It is mu itself for three full complex blocks or fewer.
+
+    Parameters
+    ----------
+    N : (k, p, p) complex
+        Frequency is axis 0.
+    structure : BlockStructure
+        The perturbation's blocks.
+
+    Returns
+    -------
+    Bound
+        mu (k,), recomputed from the scales returned with it. For N = 0 the bound is 0.
+
+    Raises
+    ------
+    InvalidInputError
+        N has another shape, or an entry that is not finite.
+
+    """
+    N = np.asarray(N, dtype=complex)
+    structure.check(N)
+    # One number per matrix takes out its size, so that no product can overflow.
+    size = np.abs(N).max(axis=(1, 2))
+    unit = N / np.where(size > 0, size, 1)[:, None, None]
+    y = np.zeros((N.shape[0], structure.n_scales))
+    if structure.n_scales:
+        _scale_matrices(unit, np.array(structure.scales), y)
+    return bound_of_scales(N, np.exp(0.5 * y), structure)
+
+
+@compiled
+def _scale_matrices(N, scales, y):
+    """Optimal log squared scales of each N, with L = I and R = N as its factors."""
+    rows, channels = N.shape[1], scales.size
+    p = np.zeros(rows)
+    p[:channels] = 1.0
+    row_scale = np.full(rows, -1)
+    row_scale[:channels] = scales
+    row0 = np.array([0, rows])
+    col0 = np.array([0, channels])
+    ws = workspace(rows, channels, y.shape[1])
+    for k in range(N.shape[0]):
+        cols = np.ascontiguousarray(N[k, :, :channels])
+        rest = np.ascontiguousarray(N[k, :, channels:])
+        factors = (
+            cols, rest @ rest.conj().T, p, 1.0 - p, row_scale, scales, row0, col0, True,
+        )  # fmt: skip
+        balance(factors, y[k])
+        solve(factors, y[k], COLD, FINE, ws)
+
+
+@compiled
+def sweep(G, c, u, b, layout, all_free, nu, nu_end, cold, y):
+    """Level of every frequency and its slope in the controllers.
+
+    Parameters
+    ----------
+    G : (k, rows, widest) complex
+        `LoopBlocks.packed`.
+    c : (k, controllers) complex
+        Controller responses.
+    u, b : (k,)
+        |w_I|^2, and the weight of the performance rows: |w_P|^2, or 1 where that is sought.
+    layout : tuple
+        `LoopBlocks.layout`: controller and scale of each row, first row of each block.
+    all_free : bool
+        Whether the level scales all of N (mu) or its performance rows only (skewed mu).
+    nu, nu_end : float
+        First and last barrier parameter of the kernel.
+    cold : bool
+        Start each frequency at its neighbour's scales instead of at `y`.
+    y : (k, scales)
+        Log of the squared scales, updated in place.
+
+    Returns
+    -------
+    t : (k,)
+        Log of the level: -2 log mu, or log of the largest |w_P|^2. -inf where the uncertainty
+        alone forbids any (robust stability violated at this frequency).
+    slope : (k, controllers) complex
+        dt = Re sum slope dc; zero where t is not finite.
+
+    """
+    channels, scales, first = layout
+    rows, widest = G.shape[1], G.shape[2]
+    t = np.empty(G.shape[0])
+    slope = np.zeros(c.shape, np.complex128)
+    ws = workspace(rows, widest, y.shape[1])
+    cols = np.zeros((rows, widest), np.complex128)
+    W0 = np.zeros((rows, widest), np.complex128)
+    S = np.zeros((rows, widest), np.complex128)
+    E = np.zeros((widest, 2 * widest), np.complex128)
+    p = np.empty(rows)
+    b_rows = np.empty(rows)
+    trial = np.empty(y.shape[1])
+    for k in range(G.shape[0]):
+        for block in range(first.size - 1):
+            lo = first[block]
+            _sensitivity(G[k], c[k], channels, lo, first[block + 1] - lo, E, S, cols)
+            for i in range(lo, first[block + 1]):
+                for m in range(lo, first[block + 1]):
+                    v = 0j
+                    for j in range(first[block + 1] - lo):
+                        v += S[i, j] * np.conj(S[m, j])
+                    W0[i, m - lo] = v if b[k] > 0.0 else 0j
+        for i in range(rows):
+            ci = c[k, channels[i]]
+            p[i] = u[k] * (ci.real * ci.real + ci.imag * ci.imag)
+            b_rows[i] = b[k]
+        factors = (cols, W0, p, b_rows, scales, scales, first, first, all_free)
+        if cold:
+            if k > 0:
+                y[k] = y[k - 1]
+            else:
+                balance(factors, y[k])
+        t[k] = solve(factors, y[k], nu, nu_end, ws)
+        if t[k] == -math.inf:
+            # Scales that keep the uncertain part below 1, if any: the best for mu, unskewed.
+            scaled = (cols, W0, p, b_rows * 1e-6, scales, scales, first, first, True)
+            trial[:] = y[k]
+            balance(scaled, trial)
+            if solve(scaled, trial, COLD, 1e-4, ws) > 0.0:
+                y[k] = trial
+                t[k] = solve(factors, y[k], COLD, nu_end, ws)
+        if not abs(t[k]) < math.inf:
+            continue
+        x, total, A_diagonal, mixed = ws[2], ws[10][-1], ws[15], ws[16]
+        p_level = math.exp(t[k]) if all_free else 1.0
+        for i in range(rows):
+            ci = c[k, channels[i]]
+            own = p_level * u[k] * x[scales[i]] * A_diagonal[i] * np.conj(ci)
+            slope[k, channels[i]] -= 2.0 * (own - mixed[i]) / total
+    return t, slope
+
+
+@compiled
+def _sensitivity(G, c, channels, lo, size, E, S, SG):
+    """S = (I + G C)^-1 and S G of the block whose first row is `lo`, by pivoted elimination."""
+    for i in range(size):
+        for j in range(size):
+            E[i, j] = G[lo + i, j] * c[channels[lo + j]]
+            E[i, size + j] = 0j
+        E[i, i] += 1.0
+        E[i, size + i] = 1.0 + 0j
+    for column in range(size):
+        pivot = column
+        largest = abs(E[column, column])
+        for i in range(column + 1, size):
+            if abs(E[i, column]) > largest:
+                largest, pivot = abs(E[i, column]), i
+        if pivot != column:
+            for j in range(2 * size):
+                E[column, j], E[pivot, j] = E[pivot, j], E[column, j]
+        scale = 1.0 / E[column, column]
+        for j in range(column, 2 * size):
+            E[column, j] *= scale
+        for i in range(size):
+            if i != column:
+                factor = E[i, column]
+                for j in range(column, 2 * size):
+                    E[i, j] -= factor * E[column, j]
+    for i in range(size):
+        for j in range(size):
+            S[lo + i, j] = E[i, size + j]
+    for i in range(size):
+        for j in range(size):
+            v = 0j
+            for m in range(size):
+                v += E[i, size + m] * G[lo + m, j]
+            SG[lo + i, j] = v
