@@ -1,0 +1,135 @@
+"""A step experiment: plant, loops, and the steps that disturb them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from solver.errors import InvalidInputError
+from solver.transfer_function import LARGEST
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from solver.plants import Plant
+    from solver.simulation.loops import Limits, Loop
+    from solver.transfer_function import TransferFunction
+
+__all__ = ["MAX_SAMPLES", "MAX_STEPS_GIVEN", "Experiment", "Step", "StepKind"]
+
+MAX_STEPS_GIVEN = 1000
+MAX_SAMPLES = 20_001
+
+
+class StepKind(StrEnum):
+    """Where a step enters.
+
+    SETPOINT: the set point of a unit. LOAD: added to the plant input behind the actuator.
+    MEASUREMENT: added to the measured output. INPUT: added to the wanted input, before limits
+    and actuator; on an open loop, moving the valve by hand.
+    """
+
+    SETPOINT = "setpoint"
+    LOAD = "load"
+    MEASUREMENT = "measurement"
+    INPUT = "input"
+
+
+@dataclass(frozen=True)
+class Step:
+    """A step of `size` at `time` >= 0 on unit `unit`, counted from 0; two make a pulse."""
+
+    kind: StepKind
+    unit: int
+    time: float
+    size: float
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.time <= LARGEST:
+            message = "the time of a step must not be negative"
+            raise InvalidInputError(message, "/time")
+        if not 0 < abs(self.size) <= LARGEST:
+            message = f"the size of a step must be finite, not zero and at most {LARGEST:g}"
+            raise InvalidInputError(message, "/size")
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """What is simulated, from rest.
+
+    Parameters
+    ----------
+    plant : Plant
+        n units.
+    loops : tuple of Loop or None
+        n loops; None is an open one.
+    steps : tuple of Step
+        At least one.
+    duration : float
+        Time simulated, > 0.
+    samples : int
+        Equidistant samples returned, both ends included, 2..20001.
+    actuators : tuple of TransferFunction or None
+        Actual over wanted input of each unit, 1 + w_I delta for a perturbation; may have dead
+        time. None: exact inputs.
+    limits : tuple of Limits or None, or None
+        Limits of each input; None: none.
+    distribution : (n, n) ndarray or None
+        Wanted inputs from controller outputs: a static decoupler, or the shares of one
+        controller. None: the identity.
+    bound : float or None
+        The simulation ends where an output exceeds it. None: 1e6 times the largest step.
+
+    """
+
+    plant: Plant
+    loops: tuple[Loop | None, ...]
+    steps: tuple[Step, ...]
+    duration: float
+    samples: int = 501
+    actuators: tuple[TransferFunction, ...] | None = None
+    limits: tuple[Limits | None, ...] | None = None
+    distribution: NDArray[np.float64] | None = None
+    bound: float | None = None
+
+    def __post_init__(self) -> None:
+        self._check_sizes()
+        if not 1 <= len(self.steps) <= MAX_STEPS_GIVEN:
+            message = f"give 1..{MAX_STEPS_GIVEN} steps"
+            raise InvalidInputError(message, "/steps")
+        for index, step in enumerate(self.steps):
+            if not 0 <= step.unit < self.plant.n:
+                message = f"the plant has units 0..{self.plant.n - 1}"
+                raise InvalidInputError(message, f"/steps/{index}/unit")
+        if not 0 < self.duration <= LARGEST:
+            message = "the duration must be positive"
+            raise InvalidInputError(message, "/duration")
+        if not 2 <= self.samples <= MAX_SAMPLES:
+            message = f"the number of samples must lie in 2..{MAX_SAMPLES}"
+            raise InvalidInputError(message, "/samples")
+        if self.bound is not None and not 0 < self.bound <= LARGEST:
+            message = "the bound must be positive"
+            raise InvalidInputError(message, "/bound")
+        for index, actuator in enumerate(self.actuators or ()):
+            if np.any(actuator.poles.real >= 0):
+                message = "an actuator must be stable"
+                raise InvalidInputError(message, f"/actuators/{index}/den")
+
+    def _check_sizes(self) -> None:
+        n = self.plant.n
+        for name in ("loops", "actuators", "limits"):
+            given = getattr(self, name)
+            if given is not None and len(given) != n:
+                message = f"{len(given)} given, the plant has {n} units"
+                raise InvalidInputError(message, f"/{name}")
+        if self.distribution is None:
+            return
+        if self.distribution.shape != (n, n):
+            message = f"the distribution must be a {n} x {n} matrix"
+            raise InvalidInputError(message, "/distribution")
+        if not np.all(np.abs(self.distribution) <= LARGEST):
+            message = f"its entries must be finite and at most {LARGEST:g} in magnitude"
+            raise InvalidInputError(message, "/distribution")

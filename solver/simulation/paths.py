@@ -1,0 +1,68 @@
+"""The plant as the simulation sees it: paths from inputs to outputs, equal units taken together.
+
+Units of a parallel plant that have equal loops and equal disturbances move alike, so one of
+them stands for all. With m_a units like a, its output is::
+
+    y_a = g u_a + (m_a - 1) i u_a + sum over the others b of m_b i u_b
+
+This is the group-mean block of the symmetry reduction, and the scalar modes g - i as well: they
+are what distinguishes one kind of unit from another.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from solver.plants import ParallelPlant
+
+if TYPE_CHECKING:
+    from collections.abc import Hashable, Sequence
+
+    from solver.plants import Plant
+    from solver.transfer_function import TransferFunction
+
+__all__ = ["Paths", "alike"]
+
+
+@dataclass(frozen=True)
+class Paths:
+    """A plant reduced to one unit of each kind.
+
+    Parameters
+    ----------
+    plant : Plant
+        The plant.
+    units : tuple of tuple of int
+        The units of each kind; the first stands for the others. For a matrix plant every unit
+        is a kind of its own.
+
+    """
+
+    plant: Plant
+    units: tuple[tuple[int, ...], ...]
+
+    @property
+    def size(self) -> int:
+        """Number of kinds of units."""
+        return len(self.units)
+
+    def between(self, row: int, column: int) -> list[tuple[TransferFunction, float]]:
+        """Return the transfer functions from kind `column` to kind `row`, with their weights."""
+        if not isinstance(self.plant, ParallelPlant):
+            return [(self.plant.element(row, column), 1.0)]
+        count = len(self.units[column])
+        if row != column:
+            return [(self.plant.interaction, float(count))]
+        own = [(self.plant.process, 1.0)]
+        return own if count == 1 else [*own, (self.plant.interaction, float(count - 1))]
+
+
+def alike(plant: Plant, characters: Sequence[Hashable]) -> Paths:
+    """Return the paths of a plant whose units differ by `characters`, one a unit."""
+    if not isinstance(plant, ParallelPlant):
+        return Paths(plant, tuple((unit,) for unit in range(plant.n)))
+    kinds: dict[Hashable, list[int]] = {}
+    for unit, character in enumerate(characters):
+        kinds.setdefault(character, []).append(unit)
+    return Paths(plant, tuple(tuple(units) for units in kinds.values()))

@@ -1,0 +1,160 @@
+"""Exact propagation of a delay system over one step.
+
+Within a step the delayed signals are known polynomials, so the state is a matrix exponential of
+the system with the polynomials' own shift dynamics appended (Van Loan, IEEE Trans. Automatic
+Control 23 (1978) 395-404). Nothing is approximated there, however stiff the system.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg import expm
+from scipy.sparse.csgraph import connected_components
+
+from solver.simulation.chebyshev import DEGREE, DIFFERENTIATION, NODES
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from solver.simulation.delay_system import DelaySystem
+
+__all__ = ["Propagator"]
+
+_CACHED_STEPS = 64
+
+
+class Propagator:
+    """State and signals of a delay system over steps of any length.
+
+    Parameters
+    ----------
+    system : DelaySystem
+        The system.
+
+    """
+
+    def __init__(self, system: DelaySystem) -> None:
+        self.system = system
+        self._parts = _independent_parts(system)
+        self._operators: OrderedDict[float, NDArray[np.float64]] = OrderedDict()
+
+    def states(
+        self,
+        length: float,
+        start: NDArray[np.float64],
+        external: NDArray[np.float64],
+        delayed: NDArray[np.float64],
+    ) -> NDArray[np.float64]:
+        """States at the nodes of a step, (DEGREE + 1, states).
+
+        Parameters
+        ----------
+        length : float
+            Length of the step, > 0.
+        start : (states,) ndarray
+            State at its beginning.
+        external : (externals,) ndarray
+            External signals, constant in the step.
+        delayed : (DEGREE + 1, delays) ndarray
+            Delayed signals at the nodes.
+
+        """
+        # Steps that differ by rounding of their ends share one operator.
+        key = float(f"{length:.12e}")
+        operator = self._operators.get(key)
+        if operator is None:
+            operator = self._operator(length, NODES)
+            self._operators[key] = operator
+            if len(self._operators) > _CACHED_STEPS:
+                self._operators.popitem(last=False)
+        else:
+            self._operators.move_to_end(key)
+        return _apply(operator, start, external, delayed)
+
+    def state_within(
+        self,
+        place: float,
+        length: float,
+        start: NDArray[np.float64],
+        external: NDArray[np.float64],
+        delayed: NDArray[np.float64],
+    ) -> NDArray[np.float64]:
+        """State (states,) at `place` in 0..1 of a step; the rest as for `states`."""
+        operator = self._operator(length, np.array([place]))
+        state: NDArray[np.float64] = _apply(operator, start, external, delayed)[0]
+        return state
+
+    def signals(
+        self,
+        states: NDArray[np.float64],
+        external: NDArray[np.float64],
+        delayed: NDArray[np.float64],
+    ) -> NDArray[np.float64]:
+        """Signals (k, signals) from states (k, states) and delayed signals (k, delays)."""
+        system = self.system
+        with np.errstate(over="ignore", invalid="ignore"):
+            value: NDArray[np.float64] = (
+                states @ system.C.T + system.D_external @ external + delayed @ system.D_delayed.T
+            )
+        return value
+
+    def _operator(self, length: float, places: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Matrix (places, states, states + externals + delays (DEGREE + 1)), see `_apply`."""
+        system = self.system
+        states, externals = system.B_external.shape
+        delays = system.dead_times.size
+        operator = np.zeros((places.size, states, states + externals + delays * (DEGREE + 1)))
+        for rows, inputs, channels in self._parts:
+            own, given = rows.size, inputs.size
+            size = own + given + channels.size * (DEGREE + 1)
+            matrix = np.zeros((size, size))
+            matrix[:own, :own] = length * system.A[np.ix_(rows, rows)]
+            matrix[:own, own : own + given] = length * system.B_external[np.ix_(rows, inputs)]
+            columns = [*rows, *(states + inputs)]
+            for index, channel in enumerate(channels):
+                # The polynomial seen from tau on, held at the nodes: its first value drives the
+                # state, and moving on by d tau differentiates it.
+                first = own + given + index * (DEGREE + 1)
+                block = slice(first, first + DEGREE + 1)
+                matrix[:own, first] = length * system.B_delayed[rows, channel]
+                matrix[block, block] = DIFFERENTIATION
+                begin = states + externals + channel * (DEGREE + 1)
+                columns.extend(range(begin, begin + DEGREE + 1))
+            # An unstable process may overflow in a step far too long: the integrator shortens it.
+            with np.errstate(over="ignore", invalid="ignore"):
+                exponential = expm(places[:, None, None] * matrix)
+            operator[np.ix_(np.arange(places.size), rows, np.array(columns))] = exponential[:, :own]
+        return operator
+
+
+def _apply(
+    operator: NDArray[np.float64],
+    start: NDArray[np.float64],
+    external: NDArray[np.float64],
+    delayed: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    given = np.concatenate([start, external, delayed.T.ravel()])
+    with np.errstate(over="ignore", invalid="ignore"):
+        states: NDArray[np.float64] = operator @ given
+    return states
+
+
+def _independent_parts(
+    system: DelaySystem,
+) -> list[tuple[NDArray[np.int_], NDArray[np.int_], NDArray[np.int_]]]:
+    """States that do not act on each other within a step, with the inputs that act on them.
+
+    Elements behind different dead times are such parts; one exponential of the whole would cost
+    the cube of their number.
+    """
+    count, label = connected_components(system.A != 0, directed=False)
+    parts = []
+    for part in range(count):
+        rows = np.flatnonzero(label == part)
+        inputs = np.flatnonzero(np.any(system.B_external[rows] != 0, axis=0))
+        channels = np.flatnonzero(np.any(system.B_delayed[rows] != 0, axis=0))
+        parts.append((rows, inputs, channels))
+    return parts

@@ -1,0 +1,275 @@
+"""Closed-loop time responses to steps, with exact dead time.
+
+Set-point, load and measurement steps on any mix of closed and open loops: what Skogestad,
+Lundstrom and Hovd (1989), figs. 8-10, and Astrom and Hagglund, Advanced PID Control (2006),
+figs. 11.2-11.8 and 11.10, show.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from solver.errors import InvalidInputError
+from solver.simulation.closed_loop import ClosedLoop, close
+from solver.simulation.experiment import Experiment, Step, StepKind
+from solver.simulation.integrator import End, integrate
+from solver.simulation.metrics import (
+    SetPointMetrics,
+    absolute_integral,
+    largest_magnitude,
+    set_point_metrics,
+    square_integral,
+    total_variation,
+)
+from solver.simulation.paths import Paths, alike
+from solver.simulation.saturation import Saturation
+from solver.simulation.switching import Event
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from solver.simulation.trajectory import Trajectory
+
+__all__ = [
+    "MAX_KINDS",
+    "Metrics",
+    "StepResponse",
+    "UnitResponse",
+    "step_response",
+]
+
+MAX_KINDS = 20  # different units in one simulation
+_BOUND = 1e6  # default bound of the outputs, in largest steps
+
+
+@dataclass(frozen=True)
+class Metrics:
+    """Measures of one unit's response, over all time unless said otherwise.
+
+    Attributes
+    ----------
+    set_point : SetPointMetrics or None
+        Of its first set-point change, from there to the next step of any unit; None for an open
+        loop, or where there is no such change.
+    absolute_error, squared_error : float or None
+        Integrals of |e| and e^2, e the set point minus output; None for an open loop.
+    largest_error : float or None
+        Largest |e|; None for an open loop.
+    input_variation : float
+        Total variation of the input.
+
+    """
+
+    set_point: SetPointMetrics | None
+    absolute_error: float | None
+    squared_error: float | None
+    largest_error: float | None
+    input_variation: float
+
+
+@dataclass(frozen=True, eq=False)
+class UnitResponse:
+    """Response of units that move alike.
+
+    Attributes
+    ----------
+    units : tuple of int
+        The units.
+    set_point, output, input : (k,) ndarray
+        At the sampled times; the input is the limited one, before the actuator. At a jump the
+        value after it.
+    metrics : Metrics
+        The measures of each of these units.
+
+    """
+
+    units: tuple[int, ...]
+    set_point: NDArray[np.float64]
+    output: NDArray[np.float64]
+    input: NDArray[np.float64]
+    metrics: Metrics
+
+
+@dataclass(frozen=True, eq=False)
+class StepResponse:
+    """Outcome of a simulation; every response is right up to the last time.
+
+    Attributes
+    ----------
+    end : End
+        COMPLETE; BOUND where an output exceeded its bound, as those of an unstable loop do;
+        STEP_LIMIT where the resolution wanted too many steps.
+    time : (k,) ndarray
+        Sampled times.
+    responses : tuple of UnitResponse
+        One for each kind of unit.
+
+    """
+
+    end: End
+    time: NDArray[np.float64]
+    responses: tuple[UnitResponse, ...]
+
+
+def step_response(experiment: Experiment) -> StepResponse:
+    """Simulate.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        Plant, loops and steps.
+
+    Returns
+    -------
+    StepResponse
+        Signals within about 1e-9 of their largest value, and their measures.
+
+    Raises
+    ------
+    InvalidInputError
+        More than `MAX_KINDS` different units, a dead time far shorter than the duration, an
+        algebraic loop without solution.
+
+    """
+    paths = _paths(experiment)
+    stand_ins = [units[0] for units in paths.units]
+    wired = close(
+        paths,
+        [experiment.loops[unit] for unit in stand_ins],
+        np.eye(paths.size) if experiment.distribution is None else experiment.distribution,
+        None if experiment.actuators is None else [experiment.actuators[u] for u in stand_ins],
+        None if experiment.limits is None else [experiment.limits[u] for u in stand_ins],
+    )
+    steps = [
+        (stand_ins.index(step.unit), step)
+        for step in experiment.steps
+        if step.unit in stand_ins and step.time < experiment.duration
+    ]
+    trajectory, end = integrate(
+        wired.wiring,
+        experiment.duration,
+        [Event(step.time, _entry(wired, step.kind, kind), step.size) for kind, step in steps],
+        outputs=[place.at for place in wired.outputs],
+        bound=experiment.bound or _BOUND * max(abs(step.size) for step in experiment.steps),
+        switching=_saturation(wired, experiment, stand_ins),
+    )
+    time = np.linspace(0.0, trajectory.end, experiment.samples)
+    moments = sorted({step.time for _, step in steps if step.time < trajectory.end})
+    responses = tuple(
+        UnitResponse(
+            units=units,
+            set_point=_set_point([step for at, step in steps if at == kind], time),
+            output=trajectory.sample(wired.outputs[kind].at, time),
+            input=trajectory.sample(wired.inputs[kind].at, time),
+            metrics=_metrics(
+                trajectory,
+                wired,
+                kind,
+                closed=experiment.loops[units[0]] is not None,
+                steps=[step for at, step in steps if at == kind],
+                moments=moments,
+            ),
+        )
+        for kind, units in enumerate(paths.units)
+    )
+    return StepResponse(end, time, responses)
+
+
+def _paths(experiment: Experiment) -> Paths:
+    n = experiment.plant.n
+    if experiment.distribution is not None:
+        # A general matrix has no symmetry to use.
+        characters: list[object] = list(range(n))
+    else:
+        disturbed: dict[int, list[Step]] = {}
+        for step in experiment.steps:
+            disturbed.setdefault(step.unit, []).append(Step(step.kind, 0, step.time, step.size))
+        characters = [
+            (
+                experiment.loops[unit],
+                frozenset(_counted(disturbed.get(unit, []))),
+                experiment.actuators and experiment.actuators[unit],
+                experiment.limits and experiment.limits[unit],
+            )
+            for unit in range(n)
+        ]
+    paths = alike(experiment.plant, characters)
+    if paths.size > MAX_KINDS:
+        message = (
+            f"{paths.size} units differ in loop, steps, actuator or limits; "
+            f"at most {MAX_KINDS} kinds are simulated together"
+        )
+        raise InvalidInputError(message, "/steps")
+    return paths
+
+
+def _counted(steps: Sequence[Step]) -> list[tuple[Step, int]]:
+    """Return the steps with the number of each: two equal steps on a unit add up."""
+    return [(step, steps.count(step)) for step in steps]
+
+
+def _entry(wired: ClosedLoop, kind: StepKind, unit: int) -> int:
+    return {
+        StepKind.SETPOINT: wired.set_points,
+        StepKind.LOAD: wired.loads,
+        StepKind.MEASUREMENT: wired.noises,
+        StepKind.INPUT: wired.manuals,
+    }[kind][unit].at
+
+
+def _saturation(
+    wired: ClosedLoop, experiment: Experiment, stand_ins: Sequence[int]
+) -> Saturation | None:
+    given = [
+        limit
+        for kind in wired.limited
+        if experiment.limits is not None
+        and (limit := experiment.limits[stand_ins[kind]]) is not None
+    ]
+    if not given:
+        return None
+    return Saturation(
+        wired.wiring.limited, [limit.low for limit in given], [limit.high for limit in given]
+    )
+
+
+def _set_point(steps: Sequence[Step], time: NDArray[np.float64]) -> NDArray[np.float64]:
+    value = np.zeros_like(time)
+    for step in steps:
+        if step.kind is StepKind.SETPOINT:
+            value[time >= step.time] += step.size
+    return value
+
+
+def _metrics(
+    trajectory: Trajectory,
+    wired: ClosedLoop,
+    kind: int,
+    *,
+    closed: bool,
+    steps: Sequence[Step],
+    moments: Sequence[float],
+) -> Metrics:
+    error = wired.errors[kind].at
+    changes = sorted(
+        (step.time, step.size)
+        for step in steps
+        if step.kind is StepKind.SETPOINT and step.time < trajectory.end
+    )
+    set_point = None
+    if closed and changes:
+        start, change = changes[0]
+        end = min((moment for moment in moments if moment > start), default=trajectory.end)
+        set_point = set_point_metrics(trajectory, error, change, start, end)
+    return Metrics(
+        set_point=set_point,
+        absolute_error=absolute_integral(trajectory, error) if closed else None,
+        squared_error=square_integral(trajectory, error) if closed else None,
+        largest_error=largest_magnitude(trajectory, error) if closed else None,
+        input_variation=total_variation(trajectory, wired.inputs[kind].at),
+    )
