@@ -27,9 +27,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from numpy.typing import NDArray
+
+    from solver.mu.structure import BlockStructure
 
 __all__ = ["LowerBound", "lower_bound"]
 
@@ -56,9 +56,9 @@ class LowerBound:
 
 
 def lower_bound(
-    N: NDArray[np.complex128], block_sizes: Sequence[int], scales: NDArray[np.float64]
+    N: NDArray[np.complex128], structure: BlockStructure, d: NDArray[np.float64]
 ) -> LowerBound:
-    """Lower bound of mu for square complex blocks, scalars among them.
+    """Lower bound of mu for complex blocks.
 
     Equal to mu where it meets the upper bound at `scales`. For three blocks or fewer it does, if
     the scales are the best ones; for more, mu may lie between the two.
@@ -67,16 +67,21 @@ def lower_bound(
     ----------
     N : (k, p, p) complex
         The matrices, frequency first.
-    block_sizes : sequence of int
-        Sizes of the blocks along the diagonal, sum p.
-    scales : (k, b) float
-        Diagonal of D, one positive number a block: of the upper bound sigma_max(D N D^-1), which
-        it helps to meet. Any positive numbers give a valid lower bound.
+    structure : BlockStructure
+        The perturbation's blocks.
+    d : (k, n_scales) float
+        Scales of the upper bound sigma_max(D N D^-1), which help to meet it. Any positive
+        numbers give a valid lower bound.
 
     Returns
     -------
     LowerBound
         The bound and its perturbation at each frequency. Deterministic.
+
+    Raises
+    ------
+    InvalidInputError
+        N has another shape, or an entry that is not finite.
 
     Notes
     -----
@@ -84,8 +89,9 @@ def lower_bound(
     Packard, Fan and Doyle (1988), "A power method for the structured singular value", CDC.
 
     """
-    blocks = _Blocks(block_sizes)
-    D = scales[:, blocks.owner]
+    structure.check(N)
+    blocks = _Blocks(structure)
+    D = structure.diagonal(d)
     # D commutes with Delta, so N Delta and D N D^-1 Delta have the same spectral radius.
     balanced = N * D[:, :, None] / D[:, None, :]
     _, sigma, right = np.linalg.svd(balanced)
@@ -112,20 +118,17 @@ def _keep_better(best: LowerBound, where: NDArray[np.intp], candidate: LowerBoun
 class _Blocks:
     """The partition of p coordinates into blocks."""
 
-    def __init__(self, sizes: Sequence[int]) -> None:
-        self.count = len(sizes)
-        self.size = sum(sizes)
-        self.owner = np.repeat(np.arange(self.count), sizes)
-        self.starts = np.concatenate([[0], np.cumsum(sizes)[:-1]])
-        self.slices = [
-            slice(start, start + size) for start, size in zip(self.starts, sizes, strict=True)
-        ]
+    def __init__(self, structure: BlockStructure) -> None:
+        self.size = structure.size
+        performance = [structure.n_scales] * structure.performance
+        self.owner = np.array([*structure.scales, *performance])
+        self.count = int(self.owner.max()) + 1
         self.indicator = (self.owner == np.arange(self.count)[:, None]).astype(float)
+        self.same = self.indicator.T @ self.indicator
 
     def norms(self, v: NDArray[np.complex128]) -> NDArray[np.float64]:
         """Return the norm of each block of `v` (..., p), at each coordinate of that block."""
-        squares = np.add.reduceat(v.real**2 + v.imag**2, self.starts, axis=-1)
-        norms: NDArray[np.float64] = np.sqrt(squares)[..., self.owner]
+        norms: NDArray[np.float64] = np.sqrt((v.real**2 + v.imag**2) @ self.same)
         return norms
 
 
@@ -134,9 +137,7 @@ def _attained(N: NDArray[np.complex128], v: NDArray[np.complex128], blocks: _Blo
     image = _times(N, v)
     target = v / np.maximum(blocks.norms(v), SMALLEST)
     source = image / np.maximum(blocks.norms(image), SMALLEST)
-    Delta = np.zeros_like(N)
-    for part in blocks.slices:
-        Delta[:, part, part] = target[:, part, None] * source[:, None, part].conj()
+    Delta = target[:, :, None] * source[:, None, :].conj() * blocks.same
     eigenvalues = np.linalg.eigvals(N @ Delta)
     largest = np.take_along_axis(
         eigenvalues, np.argmax(np.abs(eigenvalues), axis=1)[:, None], axis=1
