@@ -6,7 +6,6 @@ found by the argument principle. Dead times of whole rows and columns are taken 
 
 from __future__ import annotations
 
-import itertools
 from collections import Counter
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -17,16 +16,17 @@ from solver.interaction.frequencies import corner_frequencies
 from solver.interaction.rational_matrix import Root
 from solver.interaction.relative_gain import is_singular
 from solver.interaction.zero_search import Box, zeros_in_box
-from solver.transfer_function import TransferFunction
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from numpy.typing import NDArray
 
+    from solver.transfer_function import TransferFunction
+
 __all__ = ["SumMatrix", "right_half_plane_zeros", "search_radius"]
 
-SumMatrix = list[list[tuple[TransferFunction, ...]]]
+SumMatrix = list[list[tuple["TransferFunction", ...]]]
 """Square matrix of sums of transfer functions."""
 
 _REACH = 10.0  # over the highest corner frequency
@@ -63,7 +63,7 @@ def right_half_plane_zeros(
     """
     lowest, _ = corner_frequencies(_terms(rows))
     margin = 1e-4 * min(lowest, radius)  # lets the box hold zeros on the axes
-    matrix = _Delayed(rows, factors, _remaining_dead_times(rows))
+    matrix = _Delayed.from_sums(rows, factors)
     unstable = _unstable_poles(rows, -2 * margin)
 
     def determinant(points: NDArray[Any]) -> NDArray[np.complex128]:
@@ -93,24 +93,37 @@ def right_half_plane_zeros(
 
 @dataclass(frozen=True)
 class _Delayed:
-    """The matrix with the dead times that remain, (n, n, terms), as a function of s."""
+    """The matrix as a function of s, all elements at once.
 
-    rows: SumMatrix
-    factors: tuple[int, ...]
+    `num` and `den` (n, n, terms, order + 1) in descending powers; `dead_times` (n, n, terms).
+    """
+
+    num: NDArray[np.float64]
+    den: NDArray[np.float64]
     dead_times: NDArray[np.float64]
 
+    @classmethod
+    def from_sums(cls, rows: SumMatrix, factors: tuple[int, ...]) -> _Delayed:
+        length = max(len(term.den) for row in rows for terms in row for term in terms)
+
+        def padded(coefficients: tuple[float, ...]) -> list[float]:
+            return [0.0] * (length - len(coefficients)) + list(coefficients)
+
+        num = np.array([[[padded(term.num) for term in terms] for terms in row] for row in rows])
+        den = np.array([[[padded(term.den) for term in terms] for terms in row] for row in rows])
+        weights = np.array(factors, dtype=float)[:, None]
+        return cls(num * weights, den, _remaining_dead_times(rows))
+
     def __call__(self, points: NDArray[Any]) -> NDArray[np.complex128]:
-        n = len(self.rows)
-        P = np.zeros((points.size, n, n), dtype=complex)
-        for row, column in itertools.product(range(n), repeat=2):
-            delays = self.dead_times[row, column]
-            for term, factor, delay in zip(
-                self.rows[row][column], self.factors, delays, strict=True
-            ):
-                rational = TransferFunction(term.num, term.den)
-                value = np.asarray(rational(points)) * np.exp(-delay * points)
-                P[:, row, column] += factor * value
-        return P
+        # Horner's rule overflows nowhere: coefficients and radius are bounded, the order too.
+        s = points[:, None, None, None]
+        num = np.zeros((points.size, *self.dead_times.shape), dtype=complex)
+        den = num.copy()
+        for power in range(self.num.shape[-1]):
+            num = num * s + self.num[..., power]
+            den = den * s + self.den[..., power]
+        total: NDArray[np.complex128] = np.sum(num / den * np.exp(-self.dead_times * s), axis=3)
+        return total
 
 
 def _terms(rows: SumMatrix) -> Iterator[TransferFunction]:
