@@ -1,0 +1,231 @@
+"""The loop in exact numbers, and the matrices of the two statements expanded over frequency.
+
+With E = I + G C, X = diag(d_i^2) and the diagonal M = |w_I|^2 C^H X C + |w_P|^2 I,
+
+    sigma_max(D N D^-1) <= gamma   <=>   F = gamma^2 E M^-1 E^H - G X^-1 G^H - I >= 0,
+
+because N = [w_I C; w_P I] E^-1 [G I]. F is a sum over the inputs, without the inverse of a matrix.
+Congruence keeps its sign, so outputs may be combined by T and multiplied by powers of sigma.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from flint import acb, acb_series, fmpq, fmpq_poly
+
+from solver.certificate.reduction import Block, blocks, settings_of
+from solver.controllers import DERIVATIVE_FILTER
+from solver.enclosures import Frame, Ratio, Response, conjugate, exact, is_hurwitz, quotient
+from solver.errors import InvalidInputError, UnsupportedPlantError
+from solver.weights import Structure
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from solver.certificate.record import Claim
+    from solver.controllers import Controller
+    from solver.plants import Plant
+    from solver.weights import Performance
+
+__all__ = ["Expansion", "Loop"]
+
+Matrix = list[list[acb_series]]
+
+
+@dataclass(frozen=True, eq=False)
+class Loop:
+    """Plant, weights, controllers and level in exact numbers.
+
+    Parameters
+    ----------
+    blocks : tuple of Block
+        The plant's independent blocks.
+    controllers : tuple of Ratio
+        The different settings.
+    uncertainty : Response
+        w_I.
+    performance : Ratio
+        w_P.
+    level_squared : fmpq
+        gamma^2.
+    full : bool
+        Whether the uncertainty is one full block: all inputs then share one D-scale.
+
+    """
+
+    blocks: tuple[Block, ...]
+    controllers: tuple[Ratio, ...]
+    uncertainty: Response
+    performance: Ratio
+    level_squared: fmpq
+    full: bool
+
+    @classmethod
+    def of(cls, claim: Claim) -> Loop:
+        """Return the loop that a claim is about.
+
+        Raises
+        ------
+        UnsupportedPlantError
+            A pole of the plant lies in the right half plane or, other than s = 0, on its edge.
+        InvalidInputError
+            The performance weight has no time constant.
+
+        """
+        _require_stable(claim.plant)
+        settings = settings_of(claim.plant, claim.loops)
+        return cls(
+            blocks(claim.plant, settings),
+            tuple(_controller(group.controller) for group in settings),
+            Response.combined([(1, claim.uncertainty.weight)]),
+            _performance_weight(claim.performance),
+            exact(claim.gamma) ** 2,
+            claim.uncertainty.structure is Structure.FULL,
+        )
+
+    @property
+    def scales(self) -> int:
+        """Number of D-scales on each interval."""
+        return 1 if self.full else len(self.controllers)
+
+    def X(self, scales: Sequence[float]) -> list[fmpq]:  # noqa: N802 - the matrix X
+        """Return the squared D-scale that goes with each of the settings."""
+        squares = [exact(scale) ** 2 for scale in scales]
+        return squares * len(self.controllers) if self.full else squares
+
+
+def _require_stable(plant: Plant) -> None:
+    for element in plant.elements:
+        if not is_hurwitz(element.den):
+            message = "a pole of the plant is unstable; integrators are the only ones permitted"
+            raise UnsupportedPlantError(message, "/plant")
+
+
+def _controller(controller: Controller) -> Ratio:
+    """Return SLH eq. 26."""
+    integral_time = exact(controller.integral_time)
+    num = exact(controller.gain) * fmpq_poly([1, integral_time])
+    den = fmpq_poly([0, integral_time])
+    if controller.derivative_time is not None:
+        derivative_time = exact(controller.derivative_time)
+        num *= fmpq_poly([1, derivative_time])
+        den *= fmpq_poly([1, exact(DERIVATIVE_FILTER) * derivative_time])
+    return Ratio.reduced(num, den)
+
+
+def _performance_weight(performance: Performance) -> Ratio:
+    """Return SLH eq. 29; from the parameters, since the weight's coefficients are rounded."""
+    if performance.tau_p is None:
+        message = "the level of mu needs a time constant"
+        raise InvalidInputError(message, "/performance/tau_p")
+    tau_p, max_peak = exact(performance.tau_p), exact(performance.max_peak)
+    return Ratio.reduced(
+        fmpq_poly([1, tau_p]), fmpq_poly([exact(performance.offset), max_peak * tau_p])
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class BlockExpansion:
+    """A block expanded in one frame, row r multiplied by sigma^k_r with its k_r integrators.
+
+    Parameters
+    ----------
+    identity : list of acb_series
+        sigma^k_r, (k,).
+    plant : Matrix
+        T G, (k, k).
+    return_difference : Matrix
+        sigma T (I + G C), (k, k).
+
+    """
+
+    identity: list[acb_series]
+    plant: Matrix
+    return_difference: Matrix
+
+
+class Expansion:
+    """The loop expanded in one frame.
+
+    Parameters
+    ----------
+    loop : Loop
+        The loop.
+    frame : Frame
+        Where to expand.
+
+    """
+
+    def __init__(self, loop: Loop, frame: Frame) -> None:
+        self.loop = loop
+        self.frame = frame
+        self._responses: dict[tuple[Response, int], acb_series] = {}
+        self._controllers = [ratio.expand(frame, 1) for ratio in loop.controllers]
+        self.blocks = [self._expand(block) for block in loop.blocks]
+
+    def performance_form(self, index: int, X: Sequence[fmpq]) -> list[acb_series]:
+        """Return T F T^H of a block, rows multiplied as there: the lower triangle by rows."""
+        block, parts = self.loop.blocks[index], self.blocks[index]
+        T, w = block.combination, block.weights
+        E, G, powers = parts.return_difference, parts.plant, parts.identity
+        inputs, outputs = range(len(w)), range(len(T))
+        over_M = [
+            quotient(self.frame.constant(acb(self.loop.level_squared * w[i])), M)
+            for i, M in enumerate(self._M(block, X))
+        ]
+        over_X = [acb(w[i] / X[x]) for i, x in enumerate(block.settings)]
+        E_right = [[conjugate(E[c][i]) * over_M[i] for i in inputs] for c in outputs]
+        G_right = [[conjugate(G[c][i]) * over_X[i] for i in inputs] for c in outputs]
+        elements = []
+        for r in outputs:
+            for c in range(r + 1):
+                constant = -sum((w[i] * T[r][i] * T[c][i] for i in inputs), fmpq(0))
+                element = powers[r] * conjugate(powers[c]) * acb(constant)
+                for i in inputs:
+                    element += E[r][i] * E_right[c][i] - G[r][i] * G_right[c][i]
+                elements.append(element)
+        return elements
+
+    @cached_property
+    def _weights_squared(self) -> tuple[acb_series, acb_series]:
+        """|w_I|^2 and |sigma w_P|^2."""
+        w_I = self.loop.uncertainty.expand(self.frame, 0)
+        w_P = self.loop.performance.expand(self.frame, 1)
+        return w_I * conjugate(w_I), w_P * conjugate(w_P)
+
+    def _M(self, block: Block, X: Sequence[fmpq]) -> list[acb_series]:  # noqa: N802 - the matrix M
+        """Return |sigma|^2 M, its diagonal."""
+        w_I, w_P = self._weights_squared
+        controllers = [self._controllers[x] for x in block.settings]
+        return [
+            w_I * (c * conjugate(c)) * acb(X[x]) + w_P
+            for c, x in zip(controllers, block.settings, strict=True)
+        ]
+
+    def _expand(self, block: Block) -> BlockExpansion:
+        identity, plant, return_difference = [], [], []
+        for r, count in enumerate(block.integrators):
+            powers = self.frame.constant(acb(1))
+            for _ in range(count):
+                powers = powers * self.frame.sigma
+            row = [
+                self._response(response, count) * acb(factor)
+                for response, factor in zip(block.responses[r], block.factors[r], strict=True)
+            ]
+            identity.append(powers)
+            plant.append(row)
+            return_difference.append(
+                [
+                    powers * self.frame.sigma * acb(t) + g * self._controllers[x]
+                    for t, g, x in zip(block.combination[r], row, block.settings, strict=True)
+                ]
+            )
+        return BlockExpansion(identity, plant, return_difference)
+
+    def _response(self, response: Response, factors: int) -> acb_series:
+        if (response, factors) not in self._responses:
+            self._responses[response, factors] = response.expand(self.frame, factors)
+        return self._responses[response, factors]

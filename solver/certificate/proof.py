@@ -1,0 +1,189 @@
+"""The two statements a certificate rests on, decided for one frequency interval at a time.
+
+Robust performance: the form F of `Expansion.performance_form` is positive definite. It is, on the
+whole interval, a convex combination of its control points, so it is if they are.
+
+Nominal stability: det E, multiplied by the power of s that makes it finite at s = 0, is analytic
+in the right half plane, where its zeros are the unstable poles. They are counted by the change of
+its argument from s = 0 up the imaginary axis and back to the real axis at infinity. On an
+interval where all control points of E, times some fixed matrix, lie within sin(pi/k) of the k x k
+identity, each of the k eigenvalues turns by less than pi/k from the positive axis, so that the
+change of argument is that of the principal arguments at the ends.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TYPE_CHECKING
+
+import numpy as np
+from flint import acb, acb_mat, arb, fmpq
+
+from solver.certificate.expansion import Expansion, Loop
+from solver.enclosures import POINTS, Interval, UnenclosedError, control_points
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from solver.enclosures import Frame
+
+__all__ = ["Gap", "Turns", "examine", "unstable_poles"]
+
+
+class Gap(StrEnum):
+    """What could not be proven on an interval."""
+
+    ENCLOSURE = "a response could not be enclosed"
+    PERFORMANCE = "the level of mu could not be proven"
+    STABILITY = "the argument of det(I + G C) could not be followed"
+
+
+@dataclass(frozen=True)
+class Turns:
+    """Change of the argument of det E along an interval (rad), a ball for each block."""
+
+    angles: tuple[arb, ...]
+
+
+def examine(loop: Loop, interval: Interval, scales: Sequence[float]) -> Turns | Gap:
+    """Return the change of argument on the interval, or what could not be proven there.
+
+    Parameters
+    ----------
+    loop : Loop
+        The loop and the level.
+    interval : Interval
+        Frequencies, rad per time unit.
+    scales : sequence of float
+        D-scales d > 0, (`loop.scales`,).
+
+    """
+    X = loop.X(scales)
+    turns = []
+    try:
+        thin, fat = Expansion(loop, interval.thin), Expansion(loop, interval.fat)
+        for index, block in enumerate(loop.blocks):
+            F = control_points(thin.performance_form(index, X), fat.performance_form(index, X))
+            if not all(_is_positive(F, point, len(block.settings)) for point in range(POINTS)):
+                return Gap.PERFORMANCE
+        for index in range(len(loop.blocks)):
+            if interval.unbounded:
+                turn = _turn_to_the_real_axis(loop, index, interval)
+            else:
+                turn = _turn_along_the_axis(thin, fat, index, interval)
+            if turn is None:
+                return Gap.STABILITY
+            turns.append(turn)
+    except UnenclosedError:
+        return Gap.ENCLOSURE
+    return Turns(tuple(turns))
+
+
+def unstable_poles(loop: Loop, turns: Sequence[Turns]) -> int | None:
+    """Return the number of closed-loop poles with Re s >= 0; None if the angles do not tell.
+
+    Parameters
+    ----------
+    loop : Loop
+        The loop.
+    turns : sequence of Turns
+        Of intervals that cover all frequencies from 0 to infinity.
+
+    """
+    total = 0
+    for block, angles in zip(
+        loop.blocks, zip(*(turn.angles for turn in turns), strict=True), strict=True
+    ):
+        zeros = (-sum(angles, arb(0)) / arb.pi()).unique_fmpz()
+        if zeros is None:
+            return None
+        total += block.multiplicity * int(zeros)
+    return total
+
+
+def _is_positive(elements: acb_mat, point: int, size: int) -> bool:
+    """Whether the Hermitian matrix in column `point` is positive definite: its L D L^H."""
+    L: list[list[acb]] = []
+    D: list[arb] = []
+    position = 0
+    for row in range(size):
+        L.append([])
+        for column in range(row + 1):
+            value = elements[position, point]
+            position += 1
+            for k in range(column):
+                value -= L[row][k] * L[column][k].conjugate() * D[k]
+            if column < row:
+                L[row].append(value / D[column])
+            elif value.real > 0:
+                D.append(value.real)
+            else:
+                return False
+    return True
+
+
+def _turn_along_the_axis(
+    thin: Expansion, fat: Expansion, index: int, interval: Interval
+) -> arb | None:
+    """Return the change of argument of det E from the low end of an interval to the high one."""
+    E_thin, E_fat = (e.blocks[index].return_difference for e in (thin, fat))
+    points = control_points([e for row in E_thin for e in row], [e for row in E_fat for e in row])
+    size = len(E_thin)
+    hull = [
+        acb_mat([[points[r * size + c, k] for c in range(size)] for r in range(size)])
+        for k in range(POINTS)
+    ]
+    multiplier = _approximate_inverse(_midpoint(hull[POINTS // 2]))
+    if multiplier is None or not all(_is_near_identity(multiplier * E) for E in hull):
+        return None
+    low, high = (
+        _argument(multiplier, thin.loop, index, interval.at(end))
+        for end in (interval.low, interval.high)
+    )
+    return high - low
+
+
+def _turn_to_the_real_axis(loop: Loop, index: int, interval: Interval) -> arb | None:
+    """Return the change of argument of det E from j low to the real axis, at a large |s|."""
+    # The half disk holds both the axis beyond low and the arc that closes the contour.
+    E = _values(loop, index, interval.tail)
+    # A real multiplier keeps the determinant real at real s; near the identity it is positive.
+    multiplier = _approximate_inverse(_midpoint(E).real)
+    if multiplier is None or not _is_near_identity(multiplier * E):
+        return None
+    # Here the rows lack their powers of s, which turn by a quarter each.
+    powers = E.nrows() + sum(loop.blocks[index].integrators)
+    return -powers * arb.pi() / 2 - _argument(multiplier, loop, index, interval.at(interval.low))
+
+
+def _argument(multiplier: acb_mat, loop: Loop, index: int, frame: Frame) -> arb:
+    return (multiplier * _values(loop, index, frame)).det().arg()
+
+
+def _values(loop: Loop, index: int, frame: Frame) -> acb_mat:
+    """Return E in a frame of one term."""
+    E = Expansion(loop, frame).blocks[index].return_difference
+    return acb_mat([[element[0] for element in row] for row in E])
+
+
+def _midpoint(matrix: acb_mat) -> NDArray[np.complex128]:
+    return np.array([[complex(element) for element in row] for row in matrix.tolist()])
+
+
+def _approximate_inverse(matrix: NDArray[np.complex128] | NDArray[np.float64]) -> acb_mat | None:
+    try:
+        return acb_mat(np.linalg.inv(matrix).tolist())
+    except np.linalg.LinAlgError:
+        return None
+
+
+def _is_near_identity(matrix: acb_mat) -> bool:
+    """Whether max_r sum_c |a_rc - (r = c)| < sin(pi/k), or 1 for k = 1."""
+    reach = arb.sin_pi_fmpq(fmpq(1, max(matrix.nrows(), 2)))
+    return all(
+        sum((abs(element - (r == c)) for c, element in enumerate(row)), arb(0)) < reach
+        for r, row in enumerate(matrix.tolist())
+    )

@@ -1,0 +1,190 @@
+"""Strict reading of certificate documents: a valid `Certificate`, or the fault and its pointer."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
+
+from solver.certificate.record import FORMAT, VERSION, Certificate, Claim, ProvenInterval
+from solver.controllers import Controller
+from solver.enclosures import Interval
+from solver.errors import InvalidInputError
+from solver.plants import MatrixPlant, ParallelPlant
+from solver.transfer_function import TransferFunction
+from solver.weights import Performance, Structure, Uncertainty
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from solver.plants import Plant
+
+__all__ = ["read_certificate"]
+
+T = TypeVar("T")
+
+
+def read_certificate(text: str | bytes) -> Certificate:
+    """Return the certificate that `text` holds.
+
+    Parameters
+    ----------
+    text : str or bytes
+        A JSON document, UTF-8.
+
+    Raises
+    ------
+    InvalidInputError
+        It is not JSON, has another format or version, lacks a member or has an unknown one,
+        holds a value out of range, or its intervals do not follow each other from 0 to infinity.
+
+    """
+    try:
+        document = json.loads(
+            text, object_pairs_hook=_without_duplicates, parse_constant=_no_constant
+        )
+    except InvalidInputError:
+        raise
+    except (ValueError, RecursionError) as error:
+        message = f"not a JSON document: {error}"
+        raise InvalidInputError(message) from error
+    return _certificate(document)
+
+
+def _certificate(document: object) -> Certificate:
+    if not isinstance(document, dict) or document.get("format") != FORMAT:
+        _refuse(f'not a certificate: "format" is not "{FORMAT}"', "/format")
+    if document.get("version") != VERSION:
+        _refuse(f"unknown version: this program checks version {VERSION}", "/version")
+    names = "format version gamma plant uncertainty performance loops intervals"
+    members = _members(document, names)
+    # Plain assignments: the order of the checks is that of the document.
+    gamma = _within("/gamma", _number, members["gamma"])
+    plant = _within("/plant", _plant, members["plant"])
+    uncertainty = _within("/uncertainty", _uncertainty, members["uncertainty"])
+    performance = _within("/performance", _performance, members["performance"])
+    loops = _within("/loops", _each(_loop), members["loops"])
+    intervals = _within("/intervals", _each(_interval), members["intervals"])
+    return Certificate(Claim(plant, uncertainty, performance, loops, gamma), intervals)
+
+
+def _plant(value: object) -> Plant:
+    kind = value.get("kind") if isinstance(value, dict) else None
+    if kind == "parallel":
+        members = _members(value, "kind n process interaction")
+        n = members["n"]
+        if not isinstance(n, int) or isinstance(n, bool):
+            _refuse("must be an integer", "/n")
+        return ParallelPlant(
+            n,
+            _within("/process", _transfer_function, members["process"]),
+            _within("/interaction", _transfer_function, members["interaction"]),
+        )
+    if kind == "matrix":
+        members = _members(value, "kind elements")
+        return MatrixPlant(
+            _within("/elements", _each(_each(_transfer_function)), members["elements"])
+        )
+    return _refuse('must be "parallel" or "matrix"', "/kind")
+
+
+def _transfer_function(value: object) -> TransferFunction:
+    members = _members(value, "num den dead_time")
+    return TransferFunction(
+        _within("/num", _each(_number), members["num"]),
+        _within("/den", _each(_number), members["den"]),
+        _within("/dead_time", _number, members["dead_time"]),
+    )
+
+
+def _uncertainty(value: object) -> Uncertainty:
+    members = _members(value, "weight structure")
+    if members["structure"] not in list(Structure):
+        _refuse('must be "diagonal" or "full"', "/structure")
+    weight = _within("/weight", _transfer_function, members["weight"])
+    return Uncertainty(weight, Structure(members["structure"]))
+
+
+def _performance(value: object) -> Performance:
+    members = _members(value, "max_peak offset tau_p")
+    return Performance(*(_within(f"/{name}", _number, v) for name, v in members.items()))
+
+
+def _loop(value: object) -> Controller:
+    members = _members(value, "gain integral_time derivative_time")
+    derivative_time = members["derivative_time"]
+    return Controller(
+        _within("/gain", _number, members["gain"]),
+        _within("/integral_time", _number, members["integral_time"]),
+        None if derivative_time is None else _within("/derivative_time", _number, derivative_time),
+    )
+
+
+def _interval(value: object) -> ProvenInterval:
+    members = _members(value, "low high scales")
+    high = members["high"]
+    return ProvenInterval(
+        Interval(
+            _within("/low", _number, members["low"]),
+            math.inf if high is None else _within("/high", _number, high),
+        ),
+        _within("/scales", _each(_number), members["scales"]),
+    )
+
+
+def _members(value: object, names: str) -> dict[str, Any]:
+    """Return the members of an object that has exactly the given ones, in the given order."""
+    if not isinstance(value, dict):
+        _refuse("must be an object")
+    wanted = names.split()
+    for name in wanted:
+        if name not in value:
+            _refuse("is missing", f"/{name}")
+    for name in value:
+        if name not in wanted:
+            escaped = name.replace("~", "~0").replace("/", "~1")
+            _refuse("is unknown", f"/{escaped}")
+    return {name: value[name] for name in wanted}
+
+
+def _number(value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        _refuse("must be a number")
+    try:
+        number = float(value)
+    except OverflowError:
+        number = math.inf
+    if not math.isfinite(number):
+        _refuse("must be a finite number")
+    return number
+
+
+def _each(read: Callable[[object], T]) -> Callable[[object], tuple[T, ...]]:
+    def read_all(value: object) -> tuple[T, ...]:
+        if not isinstance(value, list):
+            _refuse("must be an array")
+        return tuple(_within(f"/{index}", read, item) for index, item in enumerate(value))
+
+    return read_all
+
+
+def _within(prefix: str, read: Callable[[object], T], value: object) -> T:
+    try:
+        return read(value)
+    except InvalidInputError as error:
+        raise error.within(prefix) from None
+
+
+def _refuse(message: str, field: str = "") -> NoReturn:
+    raise InvalidInputError(message, field)
+
+
+def _without_duplicates(pairs: list[tuple[str, object]]) -> dict[str, object]:
+    members = dict(pairs)
+    if len(members) < len(pairs):
+        _refuse("an object names a member twice")
+    return members
+
+
+def _no_constant(name: str) -> NoReturn:
+    _refuse(f"{name} is not JSON")

@@ -1,0 +1,171 @@
+"""The certificate: what is claimed, the D-scales that prove it, and its JSON document.
+
+The document has the forms of the service's requests. Every number is written as the shortest
+decimal that reads back as the same double, so nothing is lost on the way.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from solver.enclosures import Interval
+from solver.errors import InvalidInputError
+from solver.plants import ParallelPlant
+
+if TYPE_CHECKING:
+    from solver.controllers import Controller
+    from solver.plants import Plant
+    from solver.transfer_function import TransferFunction
+    from solver.weights import Performance, Uncertainty
+
+__all__ = ["FORMAT", "VERSION", "Certificate", "Claim", "ProvenInterval"]
+
+FORMAT = "mutune-certificate"
+VERSION = 1
+
+
+@dataclass(frozen=True)
+class ProvenInterval:
+    """An interval of frequencies (rad per time unit) and the D-scales that serve all of it.
+
+    Parameters
+    ----------
+    interval : Interval
+        Both ends included.
+    scales : tuple of float
+        d > 0 of each of the different settings, in the order of their first loop; of each loop
+        where the plant is a matrix; a single one for full-block uncertainty.
+
+    """
+
+    interval: Interval
+    scales: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        for index, scale in enumerate(self.scales):
+            if not 0 < scale < math.inf:
+                message = "a D-scale is a positive number"
+                raise InvalidInputError(message, f"/scales/{index}")
+
+
+@dataclass(frozen=True)
+class Claim:
+    """The loops are nominally stable, and mu <= gamma at every frequency.
+
+    Parameters
+    ----------
+    plant, uncertainty, performance, loops
+        What the claim is about; one loop a unit.
+    gamma : float
+        Level of mu, > 0.
+
+    """
+
+    plant: Plant
+    uncertainty: Uncertainty
+    performance: Performance
+    loops: tuple[Controller, ...]
+    gamma: float
+
+    def __post_init__(self) -> None:
+        if len(self.loops) != self.plant.n:
+            message = f"{len(self.loops)} loops for a plant of {self.plant.n} units"
+            raise InvalidInputError(message, "/loops")
+        if not 0 < self.gamma < math.inf:
+            message = "the level is a positive number"
+            raise InvalidInputError(message, "/gamma")
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """A claim and its evidence.
+
+    Parameters
+    ----------
+    claim : Claim
+        What is claimed.
+    intervals : tuple of ProvenInterval
+        They follow each other from 0 to infinity.
+
+    """
+
+    claim: Claim
+    intervals: tuple[ProvenInterval, ...]
+
+    def __post_init__(self) -> None:
+        self._check_coverage()
+
+    def _check_coverage(self) -> None:
+        reached = 0.0
+        for index, proven in enumerate(self.intervals):
+            interval, field = proven.interval, f"/intervals/{index}"
+            if interval.low != reached:
+                fault = "overlaps the one before" if interval.low < reached else "leaves a gap"
+                message = f"the interval starts at {interval.low:g}, not at {reached:g}: it {fault}"
+                raise InvalidInputError(message, field + "/low")
+            if not interval.low < interval.high:
+                message = "the interval ends before it starts"
+                raise InvalidInputError(message, field + "/high")
+            reached = interval.high
+        if not math.isinf(reached):
+            message = f"the intervals end at {reached:g}, not at infinity"
+            raise InvalidInputError(message, "/intervals")
+
+    def to_document(self) -> dict[str, Any]:
+        """Return the document, ready for `json.dumps`. `read_certificate` is the inverse."""
+        claim = self.claim
+        return {
+            "format": FORMAT,
+            "version": VERSION,
+            "gamma": claim.gamma,
+            "plant": _plant(claim.plant),
+            "uncertainty": {
+                "weight": _transfer_function(claim.uncertainty.weight),
+                "structure": str(claim.uncertainty.structure),
+            },
+            "performance": {
+                "max_peak": claim.performance.max_peak,
+                "offset": claim.performance.offset,
+                "tau_p": claim.performance.tau_p,
+            },
+            "loops": [
+                {
+                    "gain": loop.gain,
+                    "integral_time": loop.integral_time,
+                    "derivative_time": loop.derivative_time,
+                }
+                for loop in claim.loops
+            ],
+            "intervals": [
+                {
+                    "low": proven.interval.low,
+                    "high": None if proven.interval.unbounded else proven.interval.high,
+                    "scales": list(proven.scales),
+                }
+                for proven in self.intervals
+            ],
+        }
+
+
+def _plant(plant: Plant) -> dict[str, Any]:
+    if isinstance(plant, ParallelPlant):
+        return {
+            "kind": "parallel",
+            "n": plant.n,
+            "process": _transfer_function(plant.process),
+            "interaction": _transfer_function(plant.interaction),
+        }
+    return {
+        "kind": "matrix",
+        "elements": [[_transfer_function(e) for e in row] for row in plant.elements_by_row],
+    }
+
+
+def _transfer_function(function: TransferFunction) -> dict[str, Any]:
+    return {
+        "num": list(function.num),
+        "den": list(function.den),
+        "dead_time": function.dead_time,
+    }

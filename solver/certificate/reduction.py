@@ -1,0 +1,128 @@
+"""A loop as independent blocks, exactly: what is proven in place of the n-channel statement.
+
+Let a parallel plant have m_a units under settings a = 1..G, with equal D-scales for equal
+settings. Exchanging equal units then changes nothing, so the loop splits into one block of the
+groups' means and, for each group with m_a >= 2, m_a - 1 equal scalar blocks of the differences
+within it, whose plant is g - i. The plant of the means is (g - i) I + i 1 m^T. Its left
+eigenvectors are m^T, with g + (n-1) i, and the differences of two groups, with g - i; outputs
+combined along them keep an ill-conditioned plant harmless, and all factors are rational.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from flint import fmpq
+
+from solver.enclosures import Response
+from solver.plants import ParallelPlant
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from solver.controllers import Controller
+    from solver.plants import MatrixPlant, Plant
+
+__all__ = ["Block", "Settings", "blocks", "settings_of"]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Controller settings that have one D-scale, and how many loops have them."""
+
+    controller: Controller
+    loops: int
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """Part of the loop that shares only settings and D-scales with the rest.
+
+    Parameters
+    ----------
+    settings : tuple of int
+        Which settings act on each of the k inputs.
+    weights : tuple of fmpq
+        How much each input counts in sums over the inputs, (k,).
+    combination : tuple of tuples of fmpq
+        T, which combines the outputs, (k, k) by rows.
+    factors, responses : tuples of tuples of fmpq, Response
+        Elements of T G are a factor times a response, (k, k) by rows.
+    multiplicity : int
+        How often the block occurs.
+
+    """
+
+    settings: tuple[int, ...]
+    weights: tuple[fmpq, ...]
+    combination: tuple[tuple[fmpq, ...], ...]
+    factors: tuple[tuple[fmpq, ...], ...]
+    responses: tuple[tuple[Response, ...], ...]
+    multiplicity: int = 1
+
+    @cached_property
+    def integrators(self) -> tuple[int, ...]:
+        """Poles at s = 0 in each row of T G, (k,)."""
+        return tuple(max(response.integrators for response in row) for row in self.responses)
+
+
+def settings_of(plant: Plant, loops: Sequence[Controller]) -> tuple[Settings, ...]:
+    """Return the settings that have a D-scale of their own, in the order of the loops.
+
+    Equal settings on a parallel plant share one; on a matrix plant each loop has its own.
+    """
+    if isinstance(plant, ParallelPlant):
+        return tuple(Settings(*pair) for pair in Counter(loops).items())
+    return tuple(Settings(controller, 1) for controller in loops)
+
+
+def blocks(plant: Plant, settings: Sequence[Settings]) -> tuple[Block, ...]:
+    """Return the independent blocks of the loop."""
+    if isinstance(plant, ParallelPlant):
+        return _parallel_blocks(plant, [group.loops for group in settings])
+    return (_matrix_block(plant),)
+
+
+def _parallel_blocks(plant: ParallelPlant, sizes: Sequence[int]) -> tuple[Block, ...]:
+    groups = range(len(sizes))
+    mean = Response.combined([(1, plant.process), (plant.n - 1, plant.interaction)])
+    difference = Response.combined([(1, plant.process), (-1, plant.interaction)])
+    left = [[fmpq(size, plant.n) for size in sizes]]
+    left += [[fmpq((b == a) - (b == a + 1)) for b in groups] for a in groups[:-1]]
+    # Outputs divided by the group's size: the outer products then need the weights m_a only.
+    combination = tuple(
+        tuple(entry / size for entry, size in zip(row, sizes, strict=True)) for row in left
+    )
+    modes = (mean, *[difference] * (len(sizes) - 1))
+    means = Block(
+        settings=tuple(groups),
+        weights=tuple(fmpq(size) for size in sizes),
+        combination=combination,
+        factors=combination,
+        responses=tuple((mode,) * len(sizes) for mode in modes),
+    )
+    one = ((fmpq(1),),)
+    return (
+        means,
+        *(
+            Block((a,), (fmpq(1),), one, one, ((difference,),), multiplicity=sizes[a] - 1)
+            for a in groups
+            if sizes[a] > 1
+        ),
+    )
+
+
+def _matrix_block(plant: MatrixPlant) -> Block:
+    size = range(plant.n)
+    return Block(
+        settings=tuple(size),
+        weights=(fmpq(1),) * plant.n,
+        combination=tuple(tuple(fmpq(r == c) for c in size) for r in size),
+        factors=((fmpq(1),) * plant.n,) * plant.n,
+        responses=tuple(
+            tuple(Response.combined([(1, plant.element(r, c))]) for c in size) for r in size
+        ),
+    )

@@ -1,0 +1,168 @@
+"""Making a certificate: intervals as wide as can be proven, each with D-scales optimal inside it.
+
+What this module chooses needs no trust: `solver.certificate.verify` proves it again.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TYPE_CHECKING
+
+import numpy as np
+from flint import ctx
+
+from solver.blocks import group_loops
+from solver.certificate.expansion import Loop
+from solver.certificate.proof import Gap, Turns, examine, unstable_poles
+from solver.certificate.record import Certificate, Claim, ProvenInterval
+from solver.enclosures import PRECISION, Interval
+from solver.mu.kernel import COLD, FINE
+from solver.mu.scaling import sweep
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+__all__ = ["CertificateFailure", "Obstacle", "certify"]
+
+MAX_ATTEMPTS = 20_000
+NARROWEST = 1 + 1e-9  # ratio of ends below which doubles leave nothing to optimise
+WIDER, NARROWER = 1.15, 0.7  # change of log(ratio) after an interval was proven, or not
+
+
+class Obstacle(StrEnum):
+    """Why there is no certificate, and what to try.
+
+    EXCEEDED: the upper bound of mu is above the level at `omega`; ask for a higher level.
+    UNSTABLE: the loops are nominally unstable; mu has no meaning for them.
+    UNRESOLVED: the intervals became too narrow or too many near `omega`: mu touches the level
+    there, or the plant passes inputs on at once and with dead time; ask for a higher level.
+    """
+
+    EXCEEDED = "exceeded"
+    UNSTABLE = "unstable"
+    UNRESOLVED = "unresolved"
+
+
+@dataclass(frozen=True)
+class CertificateFailure:
+    """There is no certificate: why, and at which frequency (rad per time unit) if at one.
+
+    `mu` is the upper bound at `omega`.
+    """
+
+    obstacle: Obstacle
+    omega: float | None = None
+    mu: float | None = None
+
+
+def certify(
+    claim: Claim, interrupt: Callable[[], object] = lambda: None
+) -> Certificate | CertificateFailure:
+    """Return a certificate of the claim, or why none was found.
+
+    One is found, rounding apart, whenever the loops are stable, the upper bound of mu is below
+    the level at all frequencies, and no part of the plant with dead time passes its input on at
+    once.
+
+    Parameters
+    ----------
+    claim : Claim
+        What is to be proven.
+    interrupt : callable
+        Called every few milliseconds; whatever it raises ends the work.
+
+    Raises
+    ------
+    UnsupportedPlantError
+        The plant is unstable in open loop.
+    InvalidInputError
+        The performance weight has no time constant.
+
+    """
+    with ctx.workprec(PRECISION):
+        search = _Search(claim, interrupt)
+        try:
+            search.cover_all_frequencies()
+        except _ObstacleMetError as met:
+            return met.failure
+        poles = unstable_poles(search.loop, search.turns)
+    if poles != 0:
+        return CertificateFailure(Obstacle.UNSTABLE)
+    in_order = sorted(search.proven, key=lambda proven: proven.interval.low)
+    return Certificate(claim, tuple(in_order))
+
+
+class _ObstacleMetError(Exception):
+    def __init__(self, obstacle: Obstacle, omega: float, mu: float) -> None:
+        super().__init__(obstacle)
+        self.failure = CertificateFailure(obstacle, omega, mu)
+
+
+class _Search:
+    """Keeps what has been proven."""
+
+    def __init__(self, claim: Claim, interrupt: Callable[[], object]) -> None:
+        self.claim = claim
+        self.loop = Loop.of(claim)
+        self.blocks, self.controllers = group_loops(
+            claim.plant, claim.loops, claim.uncertainty.structure
+        )
+        self.interrupt = interrupt
+        self.attempts = 0
+        self.proven: list[ProvenInterval] = []
+        self.turns: list[Turns] = []
+
+    def cover_all_frequencies(self) -> None:
+        """Prove an interval at either end, then march from one to the other."""
+        middle = math.exp(-np.mean([math.log(c.integral_time) for c in self.controllers]))
+        low = high = middle
+        while not self._prove(Interval(0, low), low / 2):
+            low /= 4
+        while not self._prove(Interval(high, math.inf), 2 * high):
+            high *= 4
+        log_ratio = math.log(2)
+        while low < high:
+            end = low * math.exp(log_ratio)
+            # A rest much shorter than its neighbours would be wasted work.
+            if end * math.exp(0.2 * log_ratio) >= high:
+                end = high
+            if self._prove(Interval(low, end), math.sqrt(low * end)):
+                low = end
+                log_ratio *= WIDER
+            else:
+                log_ratio = NARROWER * math.log(end / low)
+
+    def _prove(self, interval: Interval, inside: float) -> bool:
+        """Whether the interval is proven by the D-scales optimal at the frequency `inside`."""
+        self.interrupt()
+        self.attempts += 1
+        mu, scales = self._optimal_scales(inside)
+        if not mu <= self.claim.gamma:
+            raise _ObstacleMetError(Obstacle.EXCEEDED, inside, mu)
+        if self.attempts > MAX_ATTEMPTS or interval.high < interval.low * NARROWEST:
+            raise _ObstacleMetError(Obstacle.UNRESOLVED, inside, mu)
+        found = examine(self.loop, interval, scales)
+        if isinstance(found, Gap):
+            return False
+        self.proven.append(ProvenInterval(interval, scales))
+        self.turns.append(found)
+        return True
+
+    def _optimal_scales(self, omega: float) -> tuple[float, tuple[float, ...]]:
+        """Return the upper bound of mu at a frequency and its D-scales."""
+        y = np.zeros((1, self.blocks.n_scales))
+        t, _ = sweep(
+            self.blocks.packed(omega),
+            np.stack([c.response(omega) for c in self.controllers], axis=-1),
+            self.claim.uncertainty.magnitude(omega) ** 2,
+            self.claim.performance.magnitude(omega) ** 2,
+            self.blocks.layout,
+            True,  # noqa: FBT003 - numba compiles positional arguments
+            COLD,
+            FINE,
+            True,  # noqa: FBT003 - the same
+            y,
+        )
+        return math.exp(-t[0] / 2), tuple(map(float, np.exp(y[0] / 2)))
