@@ -17,7 +17,15 @@ if TYPE_CHECKING:
 
     from solver.transfer_function import TransferFunction
 
-__all__ = ["Rational", "Root", "common_degree", "transmission_zeros_of"]
+__all__ = [
+    "Rational",
+    "Root",
+    "common_degree",
+    "decimal",
+    "least_common_multiple",
+    "roots_of",
+    "transmission_zeros_of",
+]
 
 _ONE = fmpq_poly([1])
 
@@ -60,6 +68,9 @@ class Rational:
     def __add__(self, other: Rational) -> Rational:
         return Rational.reduced(self.num * other.den + other.num * self.den, self.den * other.den)
 
+    def __mul__(self, other: Rational) -> Rational:
+        return Rational.reduced(self.num * other.num, self.den * other.den)
+
     def scaled(self, factor: int) -> Rational:
         """Return `factor` times the function."""
         return Rational.reduced(self.num * fmpq(factor), self.den)
@@ -98,8 +109,8 @@ def transmission_zeros_of(matrix: Sequence[Sequence[Rational]]) -> tuple[Root, .
         exponents = _local_exponents(matrix, factor, n)
         multiplicity = sum(exponent for exponent in exponents if exponent > 0)
         if multiplicity:
-            roots.extend(Root(root.value, multiplicity) for root in _roots(factor))
-    roots.extend(_roots(numerator))
+            roots.extend(Root(root.value, multiplicity) for root in roots_of(factor))
+    roots.extend(roots_of(numerator))
     return tuple(sorted(roots, key=lambda root: (abs(root.value), root.value.imag)))
 
 
@@ -109,15 +120,21 @@ def common_degree(matrix: Sequence[Sequence[Rational]]) -> int:
 
 
 def _row_denominators(matrix: Sequence[Sequence[Rational]]) -> list[fmpq_poly]:
-    return [_least_common_multiple(element.den for element in row) for row in matrix]
+    return [least_common_multiple(element.den for element in row) for row in matrix]
 
 
 def _polynomial(coefficients: Sequence[float]) -> fmpq_poly:
-    exact = [Fraction(repr(value)) for value in reversed(coefficients)]
-    return fmpq_poly([fmpq(value.numerator, value.denominator) for value in exact])
+    return fmpq_poly([decimal(value) for value in reversed(coefficients)])
 
 
-def _roots(polynomial: fmpq_poly) -> list[Root]:
+def decimal(value: float) -> fmpq:
+    """Return the decimal number that a float prints as, exactly."""
+    exact = Fraction(repr(float(value)))
+    return fmpq(exact.numerator, exact.denominator)
+
+
+def roots_of(polynomial: fmpq_poly) -> list[Root]:
+    """Return the complex roots, correct to double precision; none of a constant."""
     if polynomial.degree() < 1:
         return []
     return [
@@ -126,7 +143,8 @@ def _roots(polynomial: fmpq_poly) -> list[Root]:
     ]
 
 
-def _least_common_multiple(polynomials: Iterable[fmpq_poly]) -> fmpq_poly:
+def least_common_multiple(polynomials: Iterable[fmpq_poly]) -> fmpq_poly:
+    """Return the least common multiple of monic polynomials."""
     result = _ONE
     for polynomial in polynomials:
         result = result * (polynomial // result.gcd(polynomial))
