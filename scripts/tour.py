@@ -55,7 +55,6 @@ def main() -> int:
                 return 0
             console.print("The service runs on; Ctrl-C stops it.")
             process.wait()
-            raise ServiceStoppedError
     except KeyboardInterrupt:
         console.print("\nStopped.")
         return 0
@@ -63,9 +62,10 @@ def main() -> int:
         console.print(f"The example could not be tuned: {error}")
         return 1
     except ServiceStoppedError:
-        console.print(f"The service stopped by itself. The end of its log, {LOG}:")
-        console.print("".join(LOG.read_text().splitlines(keepends=True)[-20:]), markup=False)
-        return 1
+        pass
+    console.print(f"The service stopped by itself. The end of its log, {LOG}:")
+    console.print("".join(LOG.read_text().splitlines(keepends=True)[-20:]), markup=False)
+    return 1
 
 
 def free_port() -> int:

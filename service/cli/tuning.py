@@ -9,10 +9,10 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 import solver.results
+import solver.tuning
 from service.cli.outcomes import ExitCode, exit_code_of, read_input, reported
 from service.cli.tables import number, tuning_table
 from service.schemas import TuningRequest, TuningResult, parse_tuning_request, tuning_to_json
-from solver.tuning import tune
 
 __all__ = ["tune_file"]
 
@@ -64,4 +64,4 @@ def _tune(request: TuningRequest) -> dict[str, object]:
                 best=number(progress.best),
             )
 
-        return tuning_to_json(tune(request.build(), show))
+        return tuning_to_json(solver.tuning.tune(request.build(), show))
