@@ -138,7 +138,7 @@ class _Batch:
         running: set[asyncio.Task[None]] = set()
         try:
             while self._written < len(self._items):
-                while len(running) < engine.capacity and (index := self._take()) is not None:
+                while len(running) < engine.workers and (index := self._take()) is not None:
                     task = asyncio.create_task(self._solve(engine, index, settings.max_attempts))
                     task.add_done_callback(lambda _task: self._wake.set())
                     running.add(task)
@@ -218,7 +218,7 @@ def _content(outcome: Outcome) -> str:
         return f'"result": {outcome.result}'
     if outcome.error is not None:
         return f'"error": {outcome.error}'
-    detail = "The tuning did not stop at its time limit; its worker was restarted."
+    detail = "The tuning was stopped from outside."
     return f'"error": {json.dumps(describe(UnavailableError(detail)))}'
 
 

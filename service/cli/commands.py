@@ -94,6 +94,18 @@ def robustness(request: Input, *, as_json: AsJson = False) -> None:
 
 
 @app.command()
+def verify(
+    certificate: Annotated[
+        Path, typer.Argument(metavar="CERTIFICATE.json", help="Certificate; - reads stdin.")
+    ],
+) -> None:
+    """Check a certificate from its file alone: exit 0 where it proves its claim, else 1."""
+    from service.cli.verifying import verify_file  # noqa: PLC0415 - heavy
+
+    raise typer.Exit(verify_file(certificate))
+
+
+@app.command()
 def serve(
     *,
     host: Annotated[str, typer.Option(help="Address to listen on.")] = "127.0.0.1",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
+from rich.box import SIMPLE_HEAD
 from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
@@ -11,19 +12,22 @@ from rich.text import Text
 from service.schemas import RobustnessResult, TuningResult
 from service.schemas.controllers import Loop
 from service.schemas.robustness import Peaks
+from service.schemas.tunings import SearchSummary
 from solver.errors import InvalidInputError
 
 __all__ = ["number", "robustness_table", "side_by_side", "tuning_table", "units"]
 
-CASCADE = "cascade  k (1 + τI s)/(τI s) · (1 + τD s)/(1 + 0.1 τD s)"
-IDEAL = "ideal  K (1 + 1/(Ti s) + Td s/(1 + Tf s))"
-PARALLEL = "parallel  Kp + Ki/s + Kd s/(1 + Tf s)"
+# Each form for PI and for PID.
+_CASCADE = ("k (1 + τI s)/(τI s)", "k (1 + τI s)/(τI s) (1 + τD s)/(1 + 0.1 τD s)")
+_IDEAL = ("K (1 + 1/(Ti s))", "K (1 + 1/(Ti s) + Td s/(1 + Tf s))")
+_PARALLEL = ("Kp + Ki/s", "Kp + Ki/s + Kd s/(1 + Tf s)")
 
 _CURVES = (
-    ("robust performance", "robust_performance", "at most 1: the demand holds for every plant"),
-    ("robust stability", "robust_stability", "below 1: every plant in the set is stable"),
-    ("nominal performance", "nominal_performance", "the demand on the plant as given"),
+    ("robust performance", "robust_performance", "at most 1: demand met"),
+    ("robust stability", "robust_stability", "below 1: always stable"),
+    ("nominal performance", "nominal_performance", "(without uncertainty)"),
 )
+_OPTIMA = 5  # local optima worth a line; all of them are in the JSON result
 
 
 def number(value: float | None) -> str:
@@ -53,15 +57,7 @@ def tuning_table(result: TuningResult) -> RenderableType:
                 f"{number(result.comparison.gain_percent)} % less."
             )
         )
-    optima = ", ".join(
-        f"{number(optimum.value)} ({optimum.count}x)" for optimum in result.search.local_optima
-    )
-    parts.append(
-        Text(
-            f"{result.search.starts} starts in {result.search.elapsed_seconds:.2f} s, "
-            f"seed {result.search.seed}; local optima: {optima or 'none'}"
-        )
-    )
+    parts.append(Text(_search(result.search)))
     parts += [Text(f"Warning: {warning}", style="yellow") for warning in result.warnings]
     return Group(*parts)
 
@@ -92,8 +88,7 @@ def robustness_table(result: RobustnessResult, loops: Sequence[Loop]) -> Rendera
 
 def side_by_side(results: Mapping[str, TuningResult]) -> RenderableType:
     """Return several tunings of the same plant, a column each, settings in cascade form."""
-    table = Table()
-    table.add_column("")
+    table = Table("", box=SIMPLE_HEAD)
     for name in results:
         table.add_column(name, justify="right")
     columns = list(results.values())
@@ -140,12 +135,22 @@ def _objective(result: TuningResult) -> str:
     return f"peak of μ = {number(peak)} at τP = {number(result.tau_p)}"
 
 
-def _forms(loops: Sequence[tuple[str, Loop]]) -> Iterator[Table]:
-    """Yield a table a form; the same controllers in each."""
-    with_derivative = any(loop.derivative_time is not None for _, loop in loops)
-    cascade = _form(CASCADE, ("k", "τI", "τD"), with_derivative=with_derivative)
-    ideal = _form(IDEAL, ("K", "Ti", "Td", "Tf"), with_derivative=with_derivative)
-    parallel = _form(PARALLEL, ("Kp", "Ki", "Kd", "Tf"), with_derivative=with_derivative)
+def _search(search: SearchSummary) -> str:
+    optima = search.local_optima
+    listed = ", ".join(f"{number(each.value)} ({each.count}x)" for each in optima[:_OPTIMA])
+    more = f" and {len(optima) - _OPTIMA} more" if len(optima) > _OPTIMA else ""
+    return (
+        f"{search.starts} starts in {search.elapsed_seconds:.2f} s, seed {search.seed}; "
+        f"local optima: {listed or 'none'}{more}"
+    )
+
+
+def _forms(loops: Sequence[tuple[str, Loop]]) -> Iterator[RenderableType]:
+    """Yield a formula and a table for each form; the same controllers in all of them."""
+    derivative = any(loop.derivative_time is not None for _, loop in loops)
+    cascade = _form(("k", "τI", "τD"), derivative=derivative)
+    ideal = _form(("K", "Ti", "Td", "Tf"), derivative=derivative)
+    parallel = _form(("Kp", "Ki", "Kd", "Tf"), derivative=derivative)
     for name, loop in loops:
         controller = loop.build()
         _row(cascade, name, loop.gain, loop.integral_time, loop.derivative_time)
@@ -164,13 +169,14 @@ def _forms(loops: Sequence[tuple[str, Loop]]) -> Iterator[Table]:
             sums.derivative_gain,
             sums.filter_time,
         )
-    yield from (cascade, ideal, parallel)
+    yield from (Text(f"\nCascade form: {_CASCADE[derivative]}"), cascade)
+    yield from (Text(f"Ideal form: {_IDEAL[derivative]}"), ideal)
+    yield from (Text(f"Parallel form: {_PARALLEL[derivative]}"), parallel)
 
 
-def _form(title: str, symbols: Sequence[str], *, with_derivative: bool) -> Table:
-    table = Table(title=title, title_justify="left")
-    table.add_column("loop")
-    for symbol in symbols if with_derivative else symbols[:2]:
+def _form(symbols: Sequence[str], *, derivative: bool) -> Table:
+    table = Table("loop", box=SIMPLE_HEAD)
+    for symbol in symbols if derivative else symbols[:2]:
         table.add_column(symbol, justify="right")
     return table
 
@@ -180,11 +186,10 @@ def _row(table: Table, name: str, *values: float | None) -> None:
 
 
 def _peaks(peaks: Peaks) -> Table:
-    table = Table(title="peaks of μ over all frequencies", title_justify="left")
-    table.add_column("curve")
-    table.add_column("peak", justify="right")
-    table.add_column("at ω, rad per time unit", justify="right")
-    table.add_column("meaning")
+    table = Table("peak of μ", box=SIMPLE_HEAD)
+    table.add_column("value", justify="right")
+    table.add_column("ω (rad/time)", justify="right")
+    table.add_column("over the whole set of plants")
     for title, name, meaning in _CURVES:
         peak = getattr(peaks, name)
         table.add_row(title, number(peak.value), number(peak.omega), meaning)
