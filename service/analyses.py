@@ -1,0 +1,116 @@
+"""Analyses that are answered in the request: each in a process of its own, with a time limit.
+
+The processes are apart from the workers that tune, so an analysis never waits behind a batch,
+and one that does not come back is killed without loss to anyone else.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import multiprocessing
+import os
+import signal
+from collections.abc import Callable
+from concurrent.futures import Executor, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
+from typing import Any, ParamSpec
+
+from service.problems import AnalysisTimeoutError, UnavailableError
+
+__all__ = ["Analyses"]
+
+_P = ParamSpec("_P")
+
+
+class Analyses:
+    """A few processes that compute, one analysis at a time each.
+
+    Parameters
+    ----------
+    processes : int
+        Number of processes.
+    time_limit : float
+        Seconds, from the moment when the analysis begins to wait for a process.
+
+    """
+
+    def __init__(self, processes: int, time_limit: float) -> None:
+        self._time_limit = time_limit
+        self._idle: asyncio.Queue[_Process] = asyncio.Queue()
+        for _ in range(processes):
+            self._idle.put_nowait(_Process())
+
+    async def run(
+        self, compute: Callable[_P, dict[str, Any]], *args: _P.args, **kwargs: _P.kwargs
+    ) -> bytes:
+        """Return the JSON text of what `compute`, a function of a module, returns.
+
+        Raises
+        ------
+        AnalysisTimeoutError
+            It took longer than the time limit.
+        UnavailableError
+            Its process died.
+
+        """
+        process: _Process | None = None
+        try:
+            async with asyncio.timeout(self._time_limit):
+                process = await self._idle.get()
+                return await process.run(_to_json, compute, args, kwargs)
+        except TimeoutError:
+            message = f"The analysis took more than {self._time_limit:g} s."
+            raise AnalysisTimeoutError(message) from None
+        except BrokenProcessPool:
+            message = "The process of the analysis died."
+            raise UnavailableError(message, {"Retry-After": "1"}) from None
+        finally:
+            if process is not None:
+                self._idle.put_nowait(process)
+
+    async def close(self) -> None:
+        """Stop the processes."""
+        while not self._idle.empty():
+            self._idle.get_nowait().kill()
+
+
+class _Process:
+    """One process, started when first needed and again after it was killed."""
+
+    def __init__(self) -> None:
+        self._executor: Executor | None = None
+        self._pid: int | None = None
+
+    async def run(self, function: Callable[..., bytes], *args: object) -> bytes:
+        loop = asyncio.get_running_loop()
+        try:
+            if self._executor is None:
+                # Spawned: a forked child would inherit the locks of this process's threads.
+                context = multiprocessing.get_context("spawn")
+                self._executor = ProcessPoolExecutor(1, context, initializer=_leave_signals)
+                self._pid = await loop.run_in_executor(self._executor, os.getpid)
+            return await loop.run_in_executor(self._executor, function, *args)
+        except (asyncio.CancelledError, BrokenProcessPool):
+            self.kill()  # timed out, or nobody waits for the answer any more
+            raise
+
+    def kill(self) -> None:
+        if self._executor is not None:
+            self._executor.shutdown(wait=False, cancel_futures=True)
+        if self._pid is not None:
+            with suppress(ProcessLookupError):
+                os.kill(self._pid, signal.SIGKILL)
+        self._executor = self._pid = None
+
+
+def _leave_signals() -> None:
+    """Ctrl-C in a terminal reaches every process; the parent is the one to answer it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _to_json(
+    compute: Callable[..., dict[str, Any]], args: tuple[Any, ...], kwargs: dict[str, Any]
+) -> bytes:
+    return json.dumps(compute(*args, **kwargs), allow_nan=False, separators=(",", ":")).encode()

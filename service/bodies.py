@@ -1,0 +1,83 @@
+"""Request bodies: read within a limit, parsed by their schema, described in OpenAPI."""
+
+from __future__ import annotations
+
+from typing import Any, TypeVar
+
+from fastapi import Request
+from pydantic import BaseModel
+
+from service.problems import BodyTooLargeError, MediaTypeError
+from service.schemas.parsing import parse
+
+__all__ = ["REFERENCE", "described_body", "read", "read_bytes"]
+
+REFERENCE = "#/components/schemas/{model}"
+
+_FORGOTTEN = 8_000_000  # bytes
+
+_Model = TypeVar("_Model", bound=BaseModel)
+
+
+async def read(request: Request, model: type[_Model]) -> _Model:
+    """Return the body of `request` as a `model`.
+
+    Raises
+    ------
+    MediaTypeError, BodyTooLargeError, RequestError
+        It is not declared as JSON, too large, or does not match the schema.
+
+    """
+    return parse(model, await read_bytes(request))
+
+
+async def read_bytes(request: Request) -> bytes:
+    """Return the body of `request`, which must be declared as JSON.
+
+    Raises
+    ------
+    MediaTypeError, BodyTooLargeError
+        It is not declared as JSON, or too large; reading stops at the limit.
+
+    """
+    check_media_type(request)
+    limit: int = request.app.state.settings.max_body_bytes
+    chunks: list[bytes] = []
+    size = 0
+    async for chunk in request.stream():
+        size += len(chunk)
+        # A connection closed with unread data is reset, and the answer may be lost with it: a
+        # body not far beyond the limit is read to its end, and forgotten.
+        if size > limit + _FORGOTTEN:
+            break
+        if size <= limit:
+            chunks.append(chunk)
+    if size > limit:
+        message = f"The limit is {limit} bytes."
+        raise BodyTooLargeError(message, {"Connection": "close"})
+    return b"".join(chunks)
+
+
+def check_media_type(request: Request) -> None:
+    """Refuse a body that is not declared as JSON.
+
+    Raises
+    ------
+    MediaTypeError
+        The Content-Type header is absent or names another type.
+
+    """
+    header = request.headers.get("content-type", "")
+    media_type = header.partition(";")[0].strip().lower()
+    if media_type != "application/json":
+        message = "Send the body with Content-Type: application/json."
+        raise MediaTypeError(message, {"Accept-Post": "application/json"})
+
+
+def described_body(model: type[BaseModel]) -> dict[str, Any]:
+    """Return the OpenAPI description of a required body that `read` parses as `model`.
+
+    The schema carries its parts in ``$defs``; `service.openapi` moves them to the components.
+    """
+    schema = model.model_json_schema(ref_template=REFERENCE)
+    return {"requestBody": {"required": True, "content": {"application/json": {"schema": schema}}}}

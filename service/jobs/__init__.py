@@ -1,0 +1,1 @@
+"""Tunings as durable jobs: the table, the dispatcher, the engine that computes."""

@@ -1,0 +1,76 @@
+"""Records of the job table as the rest of the service sees them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+__all__ = ["FINAL", "Claim", "Job", "JobStatus", "NewJob", "Outcome", "Snapshot"]
+
+
+class JobStatus(StrEnum):
+    """State of a job.
+
+    TIMED_OUT jobs carry the best result up to their time limit, where there was one.
+    """
+
+    QUEUED = "queued"
+    RUNNING = "running"
+    SUCCEEDED = "succeeded"
+    FAILED = "failed"
+    CANCELLED = "cancelled"
+    TIMED_OUT = "timed_out"
+
+
+FINAL = frozenset({JobStatus.SUCCEEDED, JobStatus.FAILED, JobStatus.CANCELLED, JobStatus.TIMED_OUT})
+
+
+@dataclass(frozen=True)
+class NewJob:
+    """A job to be accepted: canonical request (JSON) and its time limit in seconds."""
+
+    request: str
+    time_limit: float
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """State of a job: status, fraction done (0..1), best objective so far."""
+
+    status: JobStatus
+    fraction: float
+    best: float | None
+
+
+@dataclass(frozen=True)
+class Job:
+    """A job; times are seconds since 1970; request, result and error are JSON text."""
+
+    sequence: int
+    id: str
+    snapshot: Snapshot
+    created_at: float
+    started_at: float | None
+    finished_at: float | None
+    request: str
+    error: str | None
+    result: str | None
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A job that the dispatcher took from the queue; `attempts` counts the workers it lost."""
+
+    id: str
+    request: str
+    time_limit: float
+    attempts: int
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a job ended; result and error are JSON text."""
+
+    status: JobStatus
+    result: str | None = None
+    error: str | None = None

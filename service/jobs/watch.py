@@ -1,0 +1,108 @@
+"""Who waits for a job: one look at the table serves all watchers of a process."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import AsyncIterator, Iterator
+from contextlib import contextmanager
+
+from service.jobs.records import FINAL, Snapshot
+from service.jobs.store import Store, StoreUnavailableError
+
+__all__ = ["Watcher"]
+
+_POLL = 0.25  # seconds: how late a process sees what another one wrote
+_CHUNK = 500  # ids in one query; SQLite takes some thousand parameters
+
+logger = logging.getLogger(__name__)
+
+
+class _Watched:
+    """A job with watchers: its last state, and an event that the next state sets."""
+
+    def __init__(self) -> None:
+        self.watchers = 0
+        self.state: Snapshot | None = None
+        self.changed = asyncio.Event()
+
+
+class Watcher:
+    """Tells the changes of jobs to any number of watchers.
+
+    A slow watcher misses intermediate states and holds up nobody: it is handed the latest.
+
+    Parameters
+    ----------
+    store : Store
+        The job table.
+
+    """
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+        self._watched: dict[str, _Watched] = {}
+        self._poke = asyncio.Event()
+
+    def poke(self) -> None:
+        """Look now: this process has just written."""
+        self._poke.set()
+
+    async def run(self) -> None:
+        """Look at the table, for ever."""
+        while True:
+            try:
+                async with asyncio.timeout(_POLL):
+                    await self._poke.wait()
+            except TimeoutError:
+                pass
+            self._poke.clear()
+            try:
+                await self._look()
+            except StoreUnavailableError as error:
+                logger.warning("the database does not answer: %s", error)
+
+    async def _look(self) -> None:
+        ids = list(self._watched)
+        for start in range(0, len(ids), _CHUNK):
+            chunk = ids[start : start + _CHUNK]
+            states = await asyncio.to_thread(self._store.snapshots, chunk)
+            for job_id in chunk:
+                watched = self._watched.get(job_id)
+                if watched is not None and watched.state != states.get(job_id):
+                    watched.state = states.get(job_id)
+                    watched.changed.set()
+                    watched.changed = asyncio.Event()
+
+    @contextmanager
+    def _watching(self, job_id: str) -> Iterator[_Watched]:
+        watched = self._watched.setdefault(job_id, _Watched())
+        watched.watchers += 1
+        try:
+            yield watched
+        finally:
+            watched.watchers -= 1
+            if not watched.watchers:
+                del self._watched[job_id]
+
+    async def changes(self, job_id: str) -> AsyncIterator[Snapshot]:
+        """Yield the state now and at each change, the last one final; end if the job is gone."""
+        with self._watching(job_id) as watched:
+            changed = watched.changed
+            states = await asyncio.to_thread(self._store.snapshots, [job_id])
+            state = states.get(job_id)
+            while state is not None:
+                yield state
+                if state.status in FINAL:
+                    return
+                await changed.wait()
+                changed, state = watched.changed, watched.state
+
+    async def wait(self, job_id: str, seconds: float) -> None:
+        """Return when the job has ended or the time is over."""
+        try:
+            async with asyncio.timeout(seconds):
+                async for _ in self.changes(job_id):
+                    pass
+        except TimeoutError:
+            pass

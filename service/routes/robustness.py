@@ -1,0 +1,37 @@
+"""Robustness of given loops."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fastapi import APIRouter, Request, Response
+
+import solver.robustness
+from service.bodies import described_body
+from service.routes.common import BODY_PROBLEMS, analysis, described, problems
+from service.schemas import RobustnessRequest, RobustnessResult, robustness_to_json
+
+__all__ = ["router"]
+
+router = APIRouter(tags=["analyses"])
+
+
+@router.post(
+    "/v1/robustness",
+    summary="Analyse given loop settings",
+    responses={200: described(RobustnessResult, "The analysis."), **problems(*BODY_PROBLEMS, 503)},
+    openapi_extra=described_body(RobustnessRequest),
+)
+async def post_robustness(request: Request) -> Response:
+    """Return stability, the peaks and curves of mu, and a worst case, of given settings."""
+    return await analysis(request, RobustnessRequest, compute)
+
+
+def compute(request: RobustnessRequest) -> dict[str, Any]:
+    """Return the robustness of the request's loops as JSON values."""
+    task = request.build()
+    return robustness_to_json(
+        solver.robustness.analyse(
+            task.plant, task.uncertainty, task.performance, task.loops, task.omega
+        )
+    )

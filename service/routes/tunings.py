@@ -1,0 +1,219 @@
+"""Tunings: jobs that find loop settings."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import re
+from collections.abc import AsyncIterator
+from typing import Annotated
+
+from fastapi import APIRouter, Header, Path, Query, Request, Response
+from fastapi.responses import StreamingResponse
+
+from service import bodies
+from service.jobs.records import FINAL, Job, JobStatus, NewJob
+from service.jobs.store import IdempotencyConflictError, Store
+from service.jobs.watch import Watcher
+from service.problems import ConflictError, NotFoundError
+from service.routes.common import BODY_PROBLEMS, described, json_response, problems
+from service.schemas import TuningRequest, canonical
+from service.schemas.jobs import Job as JobModel
+from service.schemas.jobs import JobList, job_to_json, progress_to_json, summary_to_dict
+
+__all__ = ["router"]
+
+router = APIRouter(prefix="/v1/tunings", tags=["tunings"])
+
+_PING_SECONDS = 15.0
+
+JobId = Annotated[
+    str,
+    Path(
+        description="Identifier of the job.",
+        pattern="^[0-9a-f]{32}$",
+        examples=["9f1b0d3c5a7e4c0d8b6a2f4e1c3d5b7a"],
+    ),
+]
+IdempotencyKey = Annotated[
+    str | None,
+    Header(
+        min_length=1,
+        max_length=255,
+        description="A key of the caller's choice: the same key with the same request returns "
+        "the job that it created first.",
+        examples=["order-4711"],
+    ),
+]
+Prefer = Annotated[
+    str | None,
+    Header(
+        description="wait=N: answer with the finished job if it ends within N seconds.",
+        examples=["wait=10"],
+    ),
+]
+_LOCATION = {
+    "Location": {"description": "URL path of the job.", "schema": {"type": "string"}},
+}
+
+
+def _store(request: Request) -> Store:
+    store: Store = request.app.state.store
+    return store
+
+
+@router.post(
+    "",
+    status_code=202,
+    summary="Start a tuning",
+    responses={
+        200: described(JobModel, "The job has ended (with `Prefer: wait=N`)."),
+        202: {**described(JobModel, "The job is accepted and durable."), "headers": _LOCATION},
+        **problems(*BODY_PROBLEMS, 409, 503),
+    },
+    openapi_extra=bodies.described_body(TuningRequest),
+)
+async def post_tuning(
+    request: Request, idempotency_key: IdempotencyKey = None, prefer: Prefer = None
+) -> Response:
+    """Accept a tuning as a job."""
+    body = await bodies.read(request, TuningRequest)
+    body.build()
+    new = NewJob(canonical(body), body.search.time_limit)
+    try:
+        job = await asyncio.to_thread(_store(request).submit, "", new, idempotency_key)
+    except IdempotencyConflictError:
+        message = "This Idempotency-Key was used with another request."
+        raise ConflictError(message) from None
+    request.app.state.dispatcher.wake()
+    headers = {"Location": f"/v1/tunings/{job.id}"}
+    seconds = _preferred_wait(prefer, request.app.state.settings.max_wait)
+    if seconds is not None:
+        await request.app.state.watcher.wait(job.id, seconds)
+        job = await _get(request, job.id)
+        headers["Preference-Applied"] = f"wait={seconds:g}"
+    status = 200 if job.snapshot.status in FINAL else 202
+    return json_response(job_to_json(job), status, headers)
+
+
+def _preferred_wait(prefer: str | None, longest: float) -> float | None:
+    """Return the N of ``wait=N``; preferences that are not understood are ignored (RFC 7240)."""
+    match = re.search(r"(?:^|[,;\s])wait\s*=\s*\"?(\d{1,9})\"?(?:$|[,;\s])", prefer or "")
+    return min(float(match[1]), longest) if match else None
+
+
+@router.get(
+    "",
+    summary="List tunings",
+    responses={200: described(JobList, "One page, newest first."), **problems(422, 503)},
+)
+async def list_tunings(
+    request: Request,
+    cursor: Annotated[
+        int | None,
+        Query(ge=1, lt=2**63, description="From the `next` of the page before.", examples=[41]),
+    ] = None,
+    limit: Annotated[int, Query(ge=1, le=100, description="Jobs on a page.", examples=[20])] = 20,
+    status: Annotated[
+        JobStatus | None, Query(description="Only jobs in this state.", examples=["running"])
+    ] = None,
+) -> Response:
+    """Return a page of jobs, without their results."""
+    jobs = await asyncio.to_thread(
+        _store(request).page, "", below=cursor, limit=limit + 1, status=status
+    )
+    more = len(jobs) > limit
+    jobs = jobs[:limit]
+    query = f"cursor={jobs[-1].sequence}&limit={limit}" if more else ""
+    if status is not None:
+        query += f"&status={status}"
+    page = {
+        "items": [summary_to_dict(job) for job in jobs],
+        "next": f"/v1/tunings?{query}" if more else None,
+    }
+    return json_response(json.dumps(page, separators=(",", ":")))
+
+
+async def _get(request: Request, job_id: str) -> Job:
+    try:
+        return await asyncio.to_thread(_store(request).get, "", job_id)
+    except KeyError:
+        message = f"There is no tuning {job_id}."
+        raise NotFoundError(message) from None
+
+
+@router.get(
+    "/{job_id}",
+    summary="Look at a tuning",
+    responses={200: described(JobModel, "The job."), **problems(404, 422, 503)},
+)
+async def get_tuning(request: Request, job_id: JobId) -> Response:
+    """Return a job, with its result once it has one."""
+    return json_response(job_to_json(await _get(request, job_id)))
+
+
+@router.delete(
+    "/{job_id}",
+    status_code=202,
+    summary="Cancel a tuning",
+    responses={
+        200: described(JobModel, "The job has ended."),
+        202: described(JobModel, "The job will stop within half a second."),
+        **problems(404, 422, 503),
+    },
+)
+async def delete_tuning(request: Request, job_id: JobId) -> Response:
+    """Cancel a job; one that has ended stays as it is."""
+    try:
+        job = await asyncio.to_thread(_store(request).cancel, "", job_id)
+    except KeyError:
+        message = f"There is no tuning {job_id}."
+        raise NotFoundError(message) from None
+    request.app.state.dispatcher.wake()
+    request.app.state.watcher.poke()
+    return json_response(job_to_json(job), 200 if job.snapshot.status in FINAL else 202)
+
+
+@router.get(
+    "/{job_id}/events",
+    summary="Follow a tuning",
+    response_class=StreamingResponse,
+    responses={
+        200: {
+            "description": "Server-sent events: `progress` with status and progress at each "
+            "change, and `done` with the whole job at the end.",
+            "content": {"text/event-stream": {"schema": {"type": "string"}}},
+        },
+        **problems(404, 422, 503),
+    },
+)
+async def follow_tuning(request: Request, job_id: JobId) -> Response:
+    """Stream the progress of a job until it ends."""
+    await _get(request, job_id)  # 404 before the stream begins
+    return StreamingResponse(
+        _events(request, job_id),
+        media_type="text/event-stream",
+        headers={"Cache-Control": "no-store", "X-Accel-Buffering": "no"},
+    )
+
+
+async def _events(request: Request, job_id: str) -> AsyncIterator[str]:
+    watcher: Watcher = request.app.state.watcher
+    changes = watcher.changes(job_id)
+    pending = asyncio.ensure_future(anext(changes, None))
+    try:
+        while True:
+            done, _ = await asyncio.wait({pending}, timeout=_PING_SECONDS)
+            if not done:
+                yield ": still here\n\n"
+                continue
+            snapshot = pending.result()
+            if snapshot is None:
+                return
+            yield f"event: progress\ndata: {progress_to_json(snapshot)}\n\n"
+            if snapshot.status in FINAL:
+                yield f"event: done\ndata: {job_to_json(await _get(request, job_id))}\n\n"
+                return
+            pending = asyncio.ensure_future(anext(changes, None))
+    finally:
+        pending.cancel()

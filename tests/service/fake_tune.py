@@ -1,0 +1,54 @@
+"""A tuner that does as it is told, loaded into worker processes as a Dask preload.
+
+The seed of the request says what: end at once, take a time, ignore its callback, kill its process.
+"""
+
+import os
+import time
+
+import solver.tuning
+from solver.controllers import Controller
+from solver.errors import UnsupportedPlantError
+from solver.results import LocalOptimum, Progress, SearchSummary, Status, Tuning
+
+SLOW, STUCK, DEADLY, UNSUPPORTED, BROKEN = 1, 2, 3, 4, 5
+
+
+def tune(specification, progress=None):  # noqa: ANN001, ANN201
+    """Stand in for `solver.tuning.tune`; SLOW runs for `starts` hundredths of a second."""
+    match specification.seed:
+        case s if s == SLOW:
+            steps = specification.starts or 1
+            for step in range(steps):
+                progress(Progress(step / steps, 100.0 - step, step, steps))
+                time.sleep(0.01)
+        case s if s == STUCK:
+            time.sleep(3600)
+        case s if s == DEADLY:
+            os._exit(1)
+        case s if s == UNSUPPORTED:
+            message = "open-loop unstable"
+            raise UnsupportedPlantError(message, "/plant/process/den")
+        case s if s == BROKEN:
+            message = "a fault of the solver"
+            raise ZeroDivisionError(message)
+    loops = tuple(
+        Controller(1.0 + unit, specification.plant.process.den[0])
+        for unit in range(specification.plant.n)
+    )
+    return Tuning(
+        status=Status.OPTIMAL,
+        objective="tau_p",
+        tau_p=float(specification.seed),
+        peaks=None,
+        loops=loops,
+        groups=tuple((unit,) for unit in range(specification.plant.n)),
+        nominally_stable=True,
+        search=SearchSummary(1, (LocalOptimum(1.0, 1, loops),), specification.seed, 0.0),
+        curves=None,
+    )
+
+
+def dask_setup(_worker):  # noqa: ANN001, ANN201
+    """Put it in place, in a worker process only."""
+    solver.tuning.tune = tune

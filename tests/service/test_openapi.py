@@ -1,0 +1,101 @@
+"""The OpenAPI document, and the pages around it."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+import service.openapi
+
+COMMITTED = Path(__file__).parents[2] / "openapi" / "openapi.json"
+
+
+@pytest.fixture(scope="module")
+def document() -> dict[str, Any]:
+    """Return the OpenAPI document."""
+    result: dict[str, Any] = json.loads(service.openapi.text())
+    return result
+
+
+def test_committed_document_is_that_of_the_app() -> None:
+    """openapi/openapi.json is up to date (python -m service.openapi openapi/openapi.json)."""
+    assert COMMITTED.read_text(encoding="utf-8") == service.openapi.text()
+
+
+def test_served_document_is_the_same(client: httpx.Client, document: dict[str, Any]) -> None:
+    """/openapi.json serves it."""
+    assert client.get("/openapi.json").json() == document
+
+
+def test_every_field_is_described_with_an_example(document: dict[str, Any]) -> None:
+    """Each property of each schema has a description and examples."""
+    lacking = [
+        f"{name}.{field}"
+        for name, schema in document["components"]["schemas"].items()
+        for field, content in schema.get("properties", {}).items()
+        if not {"description", "examples"} <= content.keys()
+    ]
+    assert not lacking, lacking
+
+
+def test_every_number_of_a_request_has_a_unit(document: dict[str, Any]) -> None:
+    """Each numeric field that a caller sends names its unit."""
+    schemas = document["components"]["schemas"]
+    sent = {name for name in schemas if schemas[name].get("additionalProperties") is False}
+    lacking = [
+        f"{name}.{field}"
+        for name in sent
+        for field, content in schemas[name]["properties"].items()
+        if _is_numeric(content) and "x-unit" not in json.dumps(content)
+    ]
+    assert not lacking, lacking
+
+
+def _is_numeric(content: dict[str, Any]) -> bool:
+    return any(part.get("type") in {"number", "integer"} for part in _parts(content))
+
+
+def _parts(content: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    yield content
+    for part in [*content.get("anyOf", []), *content.get("prefixItems", [])]:
+        yield from _parts(part)
+    if isinstance(content.get("items"), dict):
+        yield from _parts(content["items"])
+
+
+def test_every_reference_resolves(document: dict[str, Any]) -> None:
+    """Each $ref points at a component."""
+    text = json.dumps(document)
+    names = {part.split('"')[0] for part in text.split('"#/components/schemas/')[1:]}
+    assert names <= document["components"]["schemas"].keys()
+
+
+def test_docs_need_nothing_from_elsewhere(client: httpx.Client) -> None:
+    """The page of the documentation loads its own host's files only."""
+    page = client.get("/docs")
+    assert page.status_code == 200
+    assert "//" not in page.text.replace("<!doctype", "")
+    for path in ("/docs/assets/swagger-ui-bundle.js", "/docs/assets/swagger-ui.css"):
+        assert client.get(path).status_code == 200
+
+
+def test_health_readiness_and_metrics(client: httpx.Client) -> None:
+    """The operator's resources answer."""
+    assert client.get("/healthz").json() == {"status": "ok"}
+    client.post("/v1/tunings", json={}).json()
+    text = client.get("/metrics").text
+    assert "mutune_http_request_seconds_count" in text
+    assert 'route="/v1/tunings"' in text
+
+
+def test_every_answer_has_an_id_and_security_headers(client: httpx.Client) -> None:
+    """A sane X-Request-Id comes back, another is replaced; security headers are always there."""
+    given = client.get("/healthz", headers={"X-Request-Id": "mine-1"})
+    assert given.headers["x-request-id"] == "mine-1"
+    made = client.get("/nothing", headers={"X-Request-Id": "a b\tc"})
+    assert made.headers["x-request-id"] != "a b\tc"
+    assert made.headers["x-content-type-options"] == "nosniff"
+    assert "default-src 'none'" in made.headers["content-security-policy"]

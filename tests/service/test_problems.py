@@ -1,0 +1,130 @@
+"""Bad input over HTTP: each fault is a problem that names the field, and never a 500."""
+
+import json
+
+import httpx
+import pytest
+from samples import TUNING, altered
+
+PATH = "/v1/tunings"
+TF = {"num": [1], "den": [100, 1]}
+PARALLEL = {"kind": "parallel", "n": 2, "process": TF, "interaction": TF}
+
+
+@pytest.mark.parametrize(
+    ("pointer", "value", "blamed"),
+    [
+        ("/plant", None, "/plant"),
+        ("/plant", {}, "/plant/kind"),
+        ("/plant/kind", "cubic", "/plant/kind"),
+        ("/plant/n", 0, "/plant/n"),
+        ("/plant/n", 10**6, "/plant/n"),
+        ("/plant/n", 2.0, "/plant/n"),
+        ("/plant/n", "2", "/plant/n"),
+        ("/plant/gain", 0, "/plant/gain"),
+        ("/plant/gain", True, "/plant/gain"),
+        ("/plant/gain", 1e308, "/plant/gain"),
+        ("/plant/gain", float("nan"), "/plant/gain"),
+        ("/plant/gain", float("inf"), "/plant/gain"),
+        ("/plant/time_constant", -1, "/plant/time_constant"),
+        ("/plant/dead_time", -1, "/plant/dead_time"),
+        ("/plant/colour", "red", "/plant/colour"),
+        ("/plant/a~b", 1, "/plant/a~0b"),
+        ("/uncertainty", {}, "/uncertainty/epsilon"),
+        ("/uncertainty/epsilon", 0, "/uncertainty/epsilon"),
+        ("/uncertainty/weight", TF, "/uncertainty/epsilon"),
+        ("/uncertainty", {"weight": {"num": [1], "den": [1, -1]}}, "/uncertainty/weight/den"),
+        ("/uncertainty", {"weight": {"num": [0, 1], "den": [1, 1]}}, "/uncertainty/weight/num/0"),
+        ("/performance/max_peak", 1, "/performance/max_peak"),
+        ("/controller/kind", "P", "/controller/kind"),
+        ("/controller/group_sizes", [1, 1], "/controller/group_sizes"),
+        (
+            "/controller",
+            {"arrangement": "grouped", "group_sizes": [1, 2]},
+            "/controller/group_sizes",
+        ),
+        ("/controller/bounds", {"gain": [2, 1]}, "/controller/bounds/gain"),
+        ("/objective", "mu", "/performance/tau_p"),
+        ("/search/starts", 0, "/search/starts"),
+        ("/search/time_limit", 0, "/search/time_limit"),
+        ("/plant", {**PARALLEL, "process": {"num": [], "den": [1]}}, "/plant/process/num"),
+        ("/plant", {**PARALLEL, "process": {"num": [1], "den": [0, 1]}}, "/plant/process/den/0"),
+        ("/plant", {**PARALLEL, "process": {"num": [1, 0], "den": [1]}}, "/plant/process/num"),
+        ("/plant", {**PARALLEL, "interaction": {"num": [1]}}, "/plant/interaction/den"),
+        ("/plant", {"kind": "matrix", "elements": [[TF, TF]]}, "/plant/elements/0"),
+        (
+            "/plant",
+            {"kind": "matrix", "elements": [[{"num": [1, 1], "den": [1]}]]},
+            "/plant/elements/0/0/num",
+        ),
+    ],
+)
+def test_fault_is_named_by_its_pointer(
+    client: httpx.Client, pointer: str, value: object, blamed: str
+) -> None:
+    """A faulty value is a 422 problem with the pointer of that value."""
+    body = json.dumps(altered(TUNING, pointer, value))
+    response = client.post(PATH, content=body, headers={"Content-Type": "application/json"})
+    assert response.status_code == 422
+    assert response.headers["content-type"] == "application/problem+json"
+    problem = response.json()
+    assert problem.keys() == {"type", "title", "status", "detail", "errors"}
+    assert problem["status"] == 422
+    assert blamed in [fault["pointer"] for fault in problem["errors"]]
+
+
+@pytest.mark.parametrize(
+    "body",
+    [b"", b"{", b'{"plant": ', b"\xff\xfe", b"[" * 100_000, b'{"a":' * 100_000, b"nul"],
+    ids=["empty", "brace", "truncated", "not text", "deep list", "deep object", "half word"],
+)
+def test_text_that_is_not_json_is_400(client: httpx.Client, body: bytes) -> None:
+    """Text that is not JSON, however deep, is a 400 problem."""
+    response = client.post(PATH, content=body, headers={"Content-Type": "application/json"})
+    assert response.status_code == 400
+    assert response.json()["type"] == "urn:mutune:problem:not-json"
+
+
+@pytest.mark.parametrize("number", [b"1" * 5000, b"1e400", b"-Infinity", b"1" + b"0" * 400])
+def test_number_beyond_all_bounds_is_refused(client: httpx.Client, number: bytes) -> None:
+    """A number that no double holds is a 4xx problem."""
+    body = json.dumps(altered(TUNING, "/plant/gain", "@")).encode().replace(b'"@"', number)
+    response = client.post(PATH, content=body, headers={"Content-Type": "application/json"})
+    assert response.status_code in {400, 422}
+
+
+@pytest.mark.parametrize("media_type", ["text/plain", "application/x-www-form-urlencoded", ""])
+def test_other_media_type_is_415(client: httpx.Client, media_type: str) -> None:
+    """A body that is not declared as JSON is refused."""
+    response = client.post(PATH, content=b"{}", headers={"Content-Type": media_type})
+    assert response.status_code == 415
+    assert response.json()["status"] == 415
+
+
+def test_body_above_the_limit_is_413(client: httpx.Client) -> None:
+    """A body of 2 MB is refused, declared or streamed."""
+    headers = {"Content-Type": "application/json"}
+    for content in (b" " * 2_000_000, iter([b" " * 100_000] * 20)):
+        response = client.post(PATH, content=content, headers=headers)
+        assert response.status_code == 413
+        assert response.json()["title"] == "The body is too large"
+
+
+def test_unknown_path_and_method_are_problems(client: httpx.Client) -> None:
+    """Errors of routing have the same form."""
+    for response, status in (
+        (client.get("/v1/nothing"), 404),
+        (client.put(PATH, json={}), 405),
+        (client.get(f"{PATH}?limit=0"), 422),
+        (client.get(f"{PATH}/not-an-id"), 422),
+    ):
+        assert response.status_code == status
+        assert response.headers["content-type"] == "application/problem+json"
+        assert response.json()["status"] == status
+
+
+def test_all_faults_are_reported_at_once(client: httpx.Client) -> None:
+    """A request with two faults is answered with both."""
+    request = altered(altered(TUNING, "/plant/n", 0), "/plant/gain", "x")
+    faults = client.post(PATH, json=request).json()["errors"]
+    assert {fault["pointer"] for fault in faults} == {"/plant/n", "/plant/gain"}
