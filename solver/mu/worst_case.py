@@ -23,7 +23,7 @@ from solver.blocks import reduce
 from solver.mu.lower_bound import lower_bound
 from solver.mu.structure import BlockStructure, bound_of_scales
 from solver.plants import ParallelPlant
-from solver.transfer_function import TransferFunction
+from solver.transfer_function import MAX_ORDER, TransferFunction
 from solver.weights import Structure
 
 if TYPE_CHECKING:
@@ -64,25 +64,14 @@ class Entry:
 
 @dataclass(frozen=True)
 class DiagonalPerturbation:
-    """Delta_I = diag(delta_1 .. delta_n), one entry for units with equal delta."""
+    """Delta_I = diag(delta_1 .. delta_n), one entry for units with equal delta.
+
+    `actuators`: 1 + w_I delta of each entry, what multiplies those inputs of the plant in a
+    simulation; None where its order would exceed `MAX_ORDER`.
+    """
 
     entries: tuple[Entry, ...]
-
-    def input_errors(self, uncertainty: Uncertainty) -> tuple[TransferFunction, ...]:
-        """Return w_I delta_i of each unit: the plant's input i is multiplied by one plus this.
-
-        Raises
-        ------
-        InvalidInputError
-            The weight's order is the highest permitted: its product with the factor exceeds it.
-
-        """
-        by_unit = {
-            unit: _product(uncertainty.weight, entry.transfer)
-            for entry in self.entries
-            for unit in entry.units
-        }
-        return tuple(by_unit[unit] for unit in sorted(by_unit))
+    actuators: tuple[TransferFunction | None, ...]
 
 
 @dataclass(frozen=True)
@@ -97,10 +86,10 @@ class RankOnePerturbation:
 class WorstCase:
     """The perturbation that attains the lower bound `mu` of the peak, at `omega`.
 
-    Its size is 1/mu: with it the input uncertainty G (I + w_I Delta_I) gives
-    sigma_max(w_P S_p) = mu at `omega`, and the loop closed by `performance` is on the verge of
-    instability there. `upper_bound` is mu's at the same frequency; `mus` (k,) is the lower bound
-    at each frequency asked for.
+    Its size is 1/mu. With it the input uncertainty G (I + w_I Delta_I), w_I without its dead time
+    if it has one, gives sigma_max(w_P S_p) = mu at `omega`, and the loop closed by `performance`
+    is on the verge of instability there. `upper_bound` is mu's at the same frequency; `mus` (k,)
+    is the lower bound at each frequency asked for.
     """
 
     omega: float
@@ -155,10 +144,12 @@ def worst_case(
     # Part and group of each channel: of a matrix plant they stand in the order of the units.
     channels = [parts[channel] for channel in split.blocks[0].channels]
     size = len(channels)
+    # Only |w_I| is given, so its dead time may be left out; 1 + w_I delta is then rational.
+    weight = TransferFunction(uncertainty.weight.num, uncertainty.weight.den)
     N = _interconnection(
         split.response(omega)[0],
         np.stack([controllers[group].response(omega) for _, group in channels], axis=1),
-        uncertainty.weight.response(omega),
+        weight.response(omega),
         performance.weight.response(omega),
     )
     # A parallel plant has one scale a group, a matrix plant one a unit, a full block one in all.
@@ -177,12 +168,7 @@ def worst_case(
         upper_bound=float(bound_of_scales(N[[worst]], D[[worst]], structure).mu[0]),
         uncertainty=_rank_one(units, Delta[:size, :size], at)
         if full
-        else DiagonalPerturbation(
-            tuple(
-                _entry(part, delta, at)
-                for part, delta in zip(units, np.diag(Delta)[:size], strict=True)
-            )
-        ),
+        else _diagonal(units, np.diag(Delta)[:size], at, weight),
         performance=_rank_one(units, Delta[size:, size:], at),
         mus=bound.mu,
     )
@@ -249,6 +235,18 @@ def _entry(units: tuple[int, ...], value: complex, omega: float) -> Entry:
     return Entry(units, complex(value), all_pass(complex(value), omega))
 
 
+def _diagonal(
+    units: Sequence[tuple[int, ...]],
+    deltas: NDArray[np.complex128],
+    omega: float,
+    weight: TransferFunction,
+) -> DiagonalPerturbation:
+    entries = tuple(_entry(part, delta, omega) for part, delta in zip(units, deltas, strict=True))
+    return DiagonalPerturbation(
+        entries, tuple(_actuator(weight, entry.transfer) for entry in entries)
+    )
+
+
 def _rank_one(
     units: Sequence[tuple[int, ...]], Delta: NDArray[np.complex128], omega: float
 ) -> RankOnePerturbation:
@@ -266,6 +264,11 @@ def _rank_one(
     )
 
 
-def _product(first: TransferFunction, second: TransferFunction) -> TransferFunction:
-    num, den = np.polymul(first.num, second.num), np.polymul(first.den, second.den)
-    return TransferFunction(num / den[0], den / den[0], first.dead_time + second.dead_time)
+def _actuator(weight: TransferFunction, delta: TransferFunction) -> TransferFunction | None:
+    """Return 1 + w_I delta."""
+    den = np.polymul(weight.den, delta.den)
+    if den.size > MAX_ORDER + 1:
+        return None
+    num = np.trim_zeros(np.polyadd(den, np.polymul(weight.num, delta.num)), "f")
+    size = np.max(np.abs(den))
+    return TransferFunction(num / size, den / size)
