@@ -1,1 +1,24 @@
-"""Time responses with exact dead time: closed loops and relay experiments."""
+"""Time responses with exact dead time: closed loops and what their engineers read off them."""
+
+from solver.simulation.directions import difficult_direction, easy_direction
+from solver.simulation.experiment import Experiment, Step, StepKind
+from solver.simulation.integrator import End
+from solver.simulation.loops import Limits, Loop
+from solver.simulation.metrics import SetPointMetrics
+from solver.simulation.step_response import Metrics, StepResponse, UnitResponse, step_response
+
+__all__ = [
+    "End",
+    "Experiment",
+    "Limits",
+    "Loop",
+    "Metrics",
+    "SetPointMetrics",
+    "Step",
+    "StepKind",
+    "StepResponse",
+    "UnitResponse",
+    "difficult_direction",
+    "easy_direction",
+    "step_response",
+]

@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from solver.simulation.experiment import StepKind
+from solver.simulation.switching import Event
 from solver.simulation.wiring import Place, Term, Wiring
 
 if TYPE_CHECKING:
@@ -22,11 +24,12 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from solver.simulation.experiment import Step
     from solver.simulation.loops import Limits, Loop
     from solver.simulation.paths import Paths
     from solver.transfer_function import TransferFunction
 
-__all__ = ["ClosedLoop", "close"]
+__all__ = ["ClosedLoop", "close", "events"]
 
 
 @dataclass(frozen=True)
@@ -118,6 +121,22 @@ def close(
         inputs=inputs,
         limited=tuple(clipped),
     )
+
+
+def events(steps: Sequence[Step], closed: ClosedLoop, paths: Paths) -> list[Event]:
+    """Return the jumps of the external signals that `steps` mean for the simulated units."""
+    entries = {
+        StepKind.SETPOINT: closed.set_points,
+        StepKind.LOAD: closed.loads,
+        StepKind.MEASUREMENT: closed.noises,
+        StepKind.INPUT: closed.manuals,
+    }
+    kind = {units[0]: index for index, units in enumerate(paths.units)}
+    return [
+        Event(step.time, entries[step.kind][kind[step.unit]].at, step.size)
+        for step in steps
+        if step.unit in kind
+    ]
 
 
 def _actual(

@@ -156,7 +156,10 @@ class _Integrator:
                 continue
             at_once += 1
             if at_once > _MAX_SWITCHES_AT_ONCE:
-                message = "a loop without dynamics has no solution within the limits"
+                message = (
+                    "switching without end at one moment: a loop without dynamics meets its limits"
+                    ", or a relay without hysteresis meets a process without dead time at rest"
+                )
                 raise InvalidInputError(message)
         return self.trajectory, End.COMPLETE
 

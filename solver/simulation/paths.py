@@ -14,6 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from solver.errors import InvalidInputError
 from solver.plants import ParallelPlant
 
 if TYPE_CHECKING:
@@ -22,7 +23,9 @@ if TYPE_CHECKING:
     from solver.plants import Plant
     from solver.transfer_function import TransferFunction
 
-__all__ = ["Paths", "alike"]
+__all__ = ["MAX_KINDS", "Paths", "alike"]
+
+MAX_KINDS = 20  # each costs states in every matrix exponential
 
 
 @dataclass(frozen=True)
@@ -59,10 +62,23 @@ class Paths:
 
 
 def alike(plant: Plant, characters: Sequence[Hashable]) -> Paths:
-    """Return the paths of a plant whose units differ by `characters`, one a unit."""
+    """Return the paths of a plant whose units differ by `characters`, one a unit.
+
+    Raises
+    ------
+    InvalidInputError
+        More than `MAX_KINDS` kinds of units.
+
+    """
     if not isinstance(plant, ParallelPlant):
         return Paths(plant, tuple((unit,) for unit in range(plant.n)))
     kinds: dict[Hashable, list[int]] = {}
     for unit, character in enumerate(characters):
         kinds.setdefault(character, []).append(unit)
+    if len(kinds) > MAX_KINDS:
+        message = (
+            f"{len(kinds)} units differ in loop, steps, actuator or limits; "
+            f"at most {MAX_KINDS} kinds are simulated together"
+        )
+        raise InvalidInputError(message, "/steps")
     return Paths(plant, tuple(tuple(units) for units in kinds.values()))

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solver.errors import InvalidInputError
-from solver.simulation.closed_loop import ClosedLoop, close
+from solver.simulation.closed_loop import ClosedLoop, close, events
 from solver.simulation.experiment import Experiment, Step, StepKind
 from solver.simulation.integrator import End, integrate
 from solver.simulation.metrics import (
@@ -26,7 +25,6 @@ from solver.simulation.metrics import (
 )
 from solver.simulation.paths import Paths, alike
 from solver.simulation.saturation import Saturation
-from solver.simulation.switching import Event
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -36,14 +34,12 @@ if TYPE_CHECKING:
     from solver.simulation.trajectory import Trajectory
 
 __all__ = [
-    "MAX_KINDS",
     "Metrics",
     "StepResponse",
     "UnitResponse",
     "step_response",
 ]
 
-MAX_KINDS = 20  # different units in one simulation
 _BOUND = 1e6  # default bound of the outputs, in largest steps
 
 
@@ -132,7 +128,7 @@ def step_response(experiment: Experiment) -> StepResponse:
     Raises
     ------
     InvalidInputError
-        More than `MAX_KINDS` different units, a dead time far shorter than the duration, an
+        More than 20 different units, a dead time far shorter than the duration, an
         algebraic loop without solution.
 
     """
@@ -153,7 +149,7 @@ def step_response(experiment: Experiment) -> StepResponse:
     trajectory, end = integrate(
         wired.wiring,
         experiment.duration,
-        [Event(step.time, _entry(wired, step.kind, kind), step.size) for kind, step in steps],
+        events(experiment.steps, wired, paths),
         outputs=[place.at for place in wired.outputs],
         bound=experiment.bound or _BOUND * max(abs(step.size) for step in experiment.steps),
         switching=_saturation(wired, experiment, stand_ins),
@@ -198,28 +194,12 @@ def _paths(experiment: Experiment) -> Paths:
             )
             for unit in range(n)
         ]
-    paths = alike(experiment.plant, characters)
-    if paths.size > MAX_KINDS:
-        message = (
-            f"{paths.size} units differ in loop, steps, actuator or limits; "
-            f"at most {MAX_KINDS} kinds are simulated together"
-        )
-        raise InvalidInputError(message, "/steps")
-    return paths
+    return alike(experiment.plant, characters)
 
 
 def _counted(steps: Sequence[Step]) -> list[tuple[Step, int]]:
     """Return the steps with the number of each: two equal steps on a unit add up."""
     return [(step, steps.count(step)) for step in steps]
-
-
-def _entry(wired: ClosedLoop, kind: StepKind, unit: int) -> int:
-    return {
-        StepKind.SETPOINT: wired.set_points,
-        StepKind.LOAD: wired.loads,
-        StepKind.MEASUREMENT: wired.noises,
-        StepKind.INPUT: wired.manuals,
-    }[kind][unit].at
 
 
 def _saturation(

@@ -1,0 +1,263 @@
+"""A relay experiment from description to settings: simulate, recognise, estimate, explain."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from solver.plants import MAX_MATRIX_SIZE
+from solver.relay.behaviour import Behaviour, Regime, behaviour, cycle_length, regimes
+from solver.relay.describing_function import (
+    Harmonic,
+    Ultimate,
+    half_range,
+    harmonics,
+    ultimate_gain,
+    ultimate_point,
+)
+from solver.relay.experiment import RelayExperiment, RelayWiring, wire
+from solver.relay.mcavoy import McAvoy, mcavoy
+from solver.relay.periodic import PeriodicSolution, RelayLoop, periodic_solutions
+from solver.relay.settings import Settings, settings
+from solver.relay.switching import RelaySwitching
+from solver.simulation.closed_loop import events
+from solver.simulation.integrator import End, integrate
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from solver.simulation.trajectory import Trajectory
+
+__all__ = ["Cycle", "RelayOutcome", "Theory", "relay_experiment"]
+
+_BOUND = 1e6  # of the outputs, in relay amplitudes
+_RANGE = 2000.0  # ratio of the longest half period looked at to the shortest
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """The limit cycle at the end.
+
+    Attributes
+    ----------
+    period : float
+        T.
+    switchings : int
+        In a period; with more than two the gains below mean nothing, and `settings` is None.
+    amplitudes : tuple of float
+        Half the range of each output.
+    ultimate : Ultimate
+        K_u = 4 d/(pi a) with the relay input's amplitude a, omega_u = 2 pi/T.
+    cross_gains : tuple of float or None
+        4 d/(pi a) for every output: the ultimate cross gains K_u'; None where an output rests.
+    harmonics : tuple of Harmonic
+        First harmonics: the frequency responses at 2 pi/T from the relay to each output.
+    settings : Settings or None
+        PI settings for the loop.
+
+    """
+
+    period: float
+    switchings: int
+    amplitudes: tuple[float, ...]
+    ultimate: Ultimate
+    cross_gains: tuple[float | None, ...]
+    harmonics: tuple[Harmonic, ...]
+    settings: Settings | None
+
+
+@dataclass(frozen=True)
+class Theory:
+    """What is known of the experiment without simulation.
+
+    Attributes
+    ----------
+    solutions : tuple of PeriodicSolution
+        Theorems 1 and 2.
+    described : Ultimate or None
+        The oscillation that the describing function predicts.
+    ultimate : Ultimate or None
+        The ultimate point of the process that the relay sees.
+    mcavoy : McAvoy or None
+        The loop among equal ones; None without an ultimate point of the loop alone, without a
+        complete pairing, for one loop or above 10.
+
+    """
+
+    solutions: tuple[PeriodicSolution, ...]
+    described: Ultimate | None
+    ultimate: Ultimate | None
+    mcavoy: McAvoy | None
+
+
+@dataclass(frozen=True, eq=False)
+class RelayOutcome:
+    """Outcome of an experiment.
+
+    Attributes
+    ----------
+    behaviour : Behaviour
+        How it ended, and what to try next.
+    time : (k,) ndarray
+        Sampled times.
+    units : tuple of tuple of int
+        The units that each row of `outputs` and `inputs` stands for.
+    outputs, inputs : (units, k) ndarray
+        The signals at the sampled times.
+    switchings : (m,) ndarray
+        Switching times.
+    regimes : tuple of Regime
+        Stretches of similar periods: more than one is a change of behaviour.
+    cycle : Cycle or None
+        The limit cycle, where there is one.
+    final_outputs : tuple of float
+        Outputs at the end.
+    theory : Theory
+        What theory says.
+
+    """
+
+    behaviour: Behaviour
+    time: NDArray[np.float64]
+    units: tuple[tuple[int, ...], ...]
+    outputs: NDArray[np.float64]
+    inputs: NDArray[np.float64]
+    switchings: NDArray[np.float64]
+    regimes: tuple[Regime, ...]
+    cycle: Cycle | None
+    final_outputs: tuple[float, ...]
+    theory: Theory
+
+
+def relay_experiment(experiment: RelayExperiment) -> RelayOutcome:
+    """Carry out a relay experiment.
+
+    Parameters
+    ----------
+    experiment : RelayExperiment
+        What is done.
+
+    Returns
+    -------
+    RelayOutcome
+        Switching times are right to about 1e-10 of the period.
+
+    Raises
+    ------
+    InvalidInputError
+        As for `step_response`, or a process that reacts to the relay without any delay.
+
+    """
+    wired = wire(experiment)
+    closed = wired.closed
+    loop = RelayLoop(
+        closed.wiring.build(), closed.manuals[wired.input].at, closed.outputs[wired.output].at
+    )
+    switching = RelaySwitching(experiment.relay, loop.output, loop.external)
+    outputs = [place.at for place in closed.outputs]
+    trajectory, end = integrate(
+        closed.wiring,
+        experiment.duration,
+        events(experiment.steps, closed, wired.paths),
+        outputs=outputs,
+        bound=_BOUND * abs(experiment.relay.amplitude),
+        switching=switching,
+    )
+    times = np.array(switching.times)
+    resolution = experiment.relay.sampling_period or 0.0
+    how = {End.BOUND: Behaviour.DIVERGED, End.STEP_LIMIT: Behaviour.STEP_LIMIT}.get(
+        end
+    ) or behaviour(times, trajectory, outputs, resolution)
+    time = np.linspace(0.0, trajectory.end, experiment.samples)
+    signals = [np.array([trajectory.sample(place.at, time) for place in places])
+               for places in (closed.outputs, closed.inputs)]  # fmt: skip
+    return RelayOutcome(
+        behaviour=how,
+        time=time,
+        units=wired.paths.units,
+        outputs=signals[0],
+        inputs=signals[1],
+        switchings=times,
+        regimes=regimes(times),
+        cycle=_cycle(experiment, wired, trajectory, times)
+        if how is Behaviour.LIMIT_CYCLE
+        else None,
+        final_outputs=tuple(float(row[-1]) for row in signals[0]),
+        theory=_theory(experiment, loop),
+    )
+
+
+def _cycle(
+    experiment: RelayExperiment,
+    wired: RelayWiring,
+    trajectory: Trajectory,
+    times: NDArray[np.float64],
+) -> Cycle:
+    relay, closed = experiment.relay, wired.closed
+    count = cycle_length(times, relay.sampling_period or 0.0) or 2
+    start, end = float(times[-1 - count]), float(times[-1])
+    amplitudes = tuple(half_range(trajectory, place.at, start, end) for place in closed.outputs)
+    ultimate = Ultimate(
+        ultimate_gain(amplitudes[wired.output], relay.amplitude), 2 * np.pi / (end - start)
+    )
+    return Cycle(
+        period=end - start,
+        switchings=count,
+        amplitudes=amplitudes,
+        ultimate=ultimate,
+        cross_gains=tuple(
+            ultimate_gain(amplitude, relay.amplitude) if amplitude else None
+            for amplitude in amplitudes
+        ),
+        harmonics=harmonics(
+            trajectory,
+            [place.at for place in closed.outputs],
+            closed.inputs[wired.input].at,
+            start,
+            end,
+        ),
+        settings=settings(ultimate, float(np.sign(relay.amplitude))) if count == 2 else None,
+    )
+
+
+def _theory(experiment: RelayExperiment, loop: RelayLoop) -> Theory:
+    relay = experiment.relay
+    longest = experiment.duration / 2
+    shortest = longest / _RANGE
+    band = float(np.pi / longest), float(np.pi / shortest)
+    sign = float(np.sign(relay.amplitude))
+
+    def response(omega: NDArray[np.float64]) -> NDArray[np.complex128]:
+        value: NDArray[np.complex128] = sign * loop.response(omega)
+        return value
+
+    offset = np.pi * relay.hysteresis / (4 * abs(relay.amplitude))
+    return Theory(
+        solutions=periodic_solutions(loop, relay, shortest, longest),
+        described=ultimate_point(response, *band, offset),
+        ultimate=ultimate_point(response, *band),
+        mcavoy=_among_equals(experiment, sign, band),
+    )
+
+
+def _among_equals(
+    experiment: RelayExperiment, sign: float, band: tuple[float, float]
+) -> McAvoy | None:
+    plant = experiment.plant
+    pairs = {placed.output: placed.input for placed in experiment.loops}
+    pairs[experiment.output] = experiment.input
+    spare = [sorted(set(range(plant.n)) - taken) for taken in (set(pairs), set(pairs.values()))]
+    if not 2 <= plant.n <= MAX_MATRIX_SIZE or len(spare[0]) > 1:
+        return None
+    # With one loop left there is no choice.
+    pairs.update(zip(*spare, strict=True))
+    own = plant.element(experiment.output, experiment.input)
+    alone = ultimate_point(lambda omega: sign * own.response(omega), *band)
+    if alone is None:
+        return None
+    inputs = [pairs[output] for output in range(plant.n)]
+    if any(plant.element(row, column).is_zero for row, column in enumerate(inputs)):
+        return None
+    return mcavoy(plant, inputs, experiment.output, alone, band)

@@ -1,0 +1,172 @@
+"""A relay experiment: one loop of a plant closed by a relay, the others open or controlled.
+
+Astrom and Hagglund, Automatica 20 (1984) 645-651; Johansson, Difficulties When Applying SISO
+Relay Design Methods to a MIMO-System, TFRT-7506 (1993), whose relay this is, eq. (3)::
+
+    u = d   if e > eps  or  (e > -eps and u was d)
+    u = -d  if e < -eps or  (e < eps and u was -d),   e = -y
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from solver.errors import InvalidInputError
+from solver.simulation.closed_loop import ClosedLoop, close
+from solver.simulation.experiment import MAX_SAMPLES, Step
+from solver.simulation.paths import Paths, alike
+from solver.transfer_function import LARGEST
+
+if TYPE_CHECKING:
+    from solver.plants import Plant
+    from solver.simulation.loops import Loop
+
+__all__ = ["PlacedLoop", "Relay", "RelayExperiment", "RelayWiring", "wire"]
+
+
+@dataclass(frozen=True)
+class Relay:
+    """A relay with hysteresis.
+
+    Parameters
+    ----------
+    amplitude : float
+        d, not zero; negative for a process with negative gain.
+    hysteresis : float
+        eps >= 0: the switching levels of the output are +eps and -eps.
+    sampling_period : float or None
+        T > 0: the relay looks at the output at the times 0, T, 2T, ... only. None: always.
+
+    """
+
+    amplitude: float = 1.0
+    hysteresis: float = 0.0
+    sampling_period: float | None = None
+
+    def __post_init__(self) -> None:
+        if not 0 < abs(self.amplitude) <= LARGEST:
+            message = "the amplitude must be finite and not zero"
+            raise InvalidInputError(message, "/amplitude")
+        if not 0 <= self.hysteresis <= LARGEST:
+            message = "the hysteresis must not be negative"
+            raise InvalidInputError(message, "/hysteresis")
+        if self.sampling_period is not None and not 0 < self.sampling_period <= LARGEST:
+            message = "the sampling period must be positive"
+            raise InvalidInputError(message, "/sampling_period")
+
+
+@dataclass(frozen=True)
+class PlacedLoop:
+    """A controller from an output to an input, both counted from 0."""
+
+    output: int
+    input: int
+    loop: Loop
+
+
+@dataclass(frozen=True)
+class RelayExperiment:
+    """What is simulated, from rest with the relay at +d.
+
+    Parameters
+    ----------
+    plant : Plant
+        The plant.
+    output, input : int
+        The loop that the relay closes, counted from 0.
+    relay : Relay
+        The relay.
+    loops : tuple of PlacedLoop
+        The loops under control; the inputs and outputs that do not appear rest.
+    duration : float
+        Time simulated, > 0.
+    samples : int
+        Equidistant samples returned, both ends included.
+    steps : tuple of Step
+        Disturbances on the way, if any.
+
+    """
+
+    plant: Plant
+    output: int
+    input: int
+    relay: Relay
+    loops: tuple[PlacedLoop, ...]
+    duration: float
+    samples: int = 2001
+    steps: tuple[Step, ...] = ()
+
+    def __post_init__(self) -> None:
+        n = self.plant.n
+        places = [
+            (self.output, self.input, ""),
+            *(
+                (placed.output, placed.input, f"/loops/{index}")
+                for index, placed in enumerate(self.loops)
+            ),
+        ]
+        for side, name in enumerate(("output", "input")):
+            seen: set[int] = set()
+            for place in places:
+                field = f"{place[2]}/{name}"
+                number = (place[0], place[1])[side]
+                if not 0 <= number < n:
+                    message = f"the plant has {name}s 0..{n - 1}"
+                    raise InvalidInputError(message, field)
+                if number in seen:
+                    message = f"{name} {number} is in two loops"
+                    raise InvalidInputError(message, field)
+                seen.add(number)
+        if not 0 < self.duration <= LARGEST:
+            message = "the duration must be positive"
+            raise InvalidInputError(message, "/duration")
+        if not 2 <= self.samples <= MAX_SAMPLES:
+            message = f"the number of samples must lie in 2..{MAX_SAMPLES}"
+            raise InvalidInputError(message, "/samples")
+        for index, step in enumerate(self.steps):
+            if not 0 <= step.unit < n:
+                message = f"the plant has units 0..{n - 1}"
+                raise InvalidInputError(message, f"/steps/{index}/unit")
+
+
+@dataclass(frozen=True)
+class RelayWiring:
+    """An experiment wired: the kinds of units in `paths`, and which of them the relay joins."""
+
+    closed: ClosedLoop
+    paths: Paths
+    output: int
+    input: int
+
+
+def wire(experiment: RelayExperiment) -> RelayWiring:
+    """Wire an experiment; the relay's output is the external `manuals[input]`.
+
+    Raises
+    ------
+    InvalidInputError
+        More different units than a simulation holds.
+
+    """
+    own = {experiment.output, experiment.input}
+    placed = {each.output: each for each in experiment.loops}
+    for each in experiment.loops:
+        if each.output != each.input:
+            own |= {each.output, each.input}
+    own |= {step.unit for step in experiment.steps}
+    characters: list[object] = [
+        unit if unit in own else (placed[unit].loop if unit in placed else None)
+        for unit in range(experiment.plant.n)
+    ]
+    paths = alike(experiment.plant, characters)
+    kind = {unit: index for index, units in enumerate(paths.units) for unit in units}
+    distribution = np.zeros((paths.size, paths.size))
+    loops: list[Loop | None] = [None] * paths.size
+    for each in experiment.loops:
+        loops[kind[each.output]] = each.loop
+        distribution[kind[each.input], kind[each.output]] = 1.0
+    closed = close(paths, loops, distribution)
+    return RelayWiring(closed, paths, kind[experiment.output], kind[experiment.input])
