@@ -27,7 +27,8 @@ if TYPE_CHECKING:
 __all__ = ["CertificateFailure", "Obstacle", "certify"]
 
 MAX_ATTEMPTS = 20_000
-NARROWEST = 1 + 1e-9  # ratio of ends below which doubles leave nothing to optimise
+NARROWEST = 1e-9  # log(ratio of the ends) below which only a touch of the level can be left
+FARTHEST = 1e15  # ratio of the ends of the axis to its middle; no process spans more
 WIDER, NARROWER = 1.15, 0.7  # change of log(ratio) after an interval was proven, or not
 
 
@@ -49,12 +50,14 @@ class Obstacle(StrEnum):
 class CertificateFailure:
     """There is no certificate: why, and at which frequency (rad per time unit) if at one.
 
-    `mu` is the upper bound at `omega`.
+    `mu` is the upper bound at `omega`; `unstable_poles` counts the closed-loop poles with
+    Re s >= 0 where the obstacle is UNSTABLE.
     """
 
     obstacle: Obstacle
     omega: float | None = None
     mu: float | None = None
+    unstable_poles: int = 0
 
 
 def certify(
@@ -89,7 +92,8 @@ def certify(
             return met.failure
         poles = unstable_poles(search.loop, search.turns)
     if poles != 0:
-        return CertificateFailure(Obstacle.UNSTABLE)
+        # None cannot be: each interval's ball of angles is far smaller than a half turn.
+        return CertificateFailure(Obstacle.UNSTABLE, unstable_poles=poles or 0)
     in_order = sorted(search.proven, key=lambda proven: proven.interval.low)
     return Certificate(claim, tuple(in_order))
 
@@ -120,10 +124,13 @@ class _Search:
         low = high = middle
         while not self._prove(Interval(0, low), low / 2):
             low /= 4
+            self._require(low > middle / FARTHEST, low)
         while not self._prove(Interval(high, math.inf), 2 * high):
             high *= 4
+            self._require(high < middle * FARTHEST, high)
         log_ratio = math.log(2)
         while low < high:
+            self._require(log_ratio > NARROWEST, low)
             end = low * math.exp(log_ratio)
             # A rest much shorter than its neighbours would be wasted work.
             if end * math.exp(0.2 * log_ratio) >= high:
@@ -141,14 +148,18 @@ class _Search:
         mu, scales = self._optimal_scales(inside)
         if not mu <= self.claim.gamma:
             raise _ObstacleMetError(Obstacle.EXCEEDED, inside, mu)
-        if self.attempts > MAX_ATTEMPTS or interval.high < interval.low * NARROWEST:
-            raise _ObstacleMetError(Obstacle.UNRESOLVED, inside, mu)
+        self._require(self.attempts < MAX_ATTEMPTS, inside)
         found = examine(self.loop, interval, scales)
         if isinstance(found, Gap):
             return False
         self.proven.append(ProvenInterval(interval, scales))
         self.turns.append(found)
         return True
+
+    def _require(self, hope: bool, omega: float) -> None:  # noqa: FBT001 - a guard
+        if not hope:
+            mu, _ = self._optimal_scales(omega)
+            raise _ObstacleMetError(Obstacle.UNRESOLVED, omega, mu)
 
     def _optimal_scales(self, omega: float) -> tuple[float, tuple[float, ...]]:
         """Return the upper bound of mu at a frequency and its D-scales."""

@@ -34,6 +34,7 @@ compiled = njit(cache=True, error_model="numpy")
 COLD = 1e-2  # first nu: the scales may still be far off
 FINE = 1e-9  # last nu: the level is right to about nu times the multiplicity
 CENTRED = 0.05  # squared Newton decrement below which nu may fall
+CENTRED_AT_END = 1e-8  # and below which the dual, hence the gradient, is right to 1e-4 at a kink
 MAX_ITERATIONS = 60
 LARGEST_STEP = 2.0  # in log scale: Newton's model is not trusted further
 TINY = 1e-300
@@ -101,10 +102,10 @@ def solve(factors, y, nu, nu_end, ws):
         value = _value(inverse_levels, centre, h, nu)
         _derivatives(factors, ws, 1.0 / centre)
         decrement = _newton_step(ws, nu)
-        drop = decrement < CENTRED
+        if nu <= nu_end and decrement < CENTRED_AT_END:
+            break
+        drop = decrement < CENTRED and nu > nu_end
         if drop:
-            if nu <= nu_end:
-                break
             # A quick centring means a smooth optimum: go far at once, else tenfold.
             nu = max(nu_end, nu * (1e-4 if steps_at_nu <= 2 else 0.1))
             steps_at_nu = 0

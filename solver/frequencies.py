@@ -1,0 +1,68 @@
+"""Where the curves of a loop bend: corner frequencies, and grids that resolve them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from numpy.typing import NDArray
+
+    from solver.controllers import Controller
+    from solver.plants import Plant
+    from solver.transfer_function import TransferFunction
+    from solver.weights import Uncertainty
+
+__all__ = ["corners", "grid", "resonances"]
+
+DERIVATIVE_CORNER = 10.0  # the derivative filter's corner over 1/tau_D
+
+
+def corners(
+    plant: Plant, uncertainty: Uncertainty | None = None, loops: Iterable[Controller] = ()
+) -> NDArray[np.float64]:
+    """Corner frequencies (rad per time unit) of everything in the loop, ascending, at least one.
+
+    Magnitudes of poles and zeros, 1/dead time, 1/tau_I and 1/tau_D.
+    """
+    functions: list[TransferFunction] = list(plant.elements)
+    if uncertainty is not None:
+        functions.append(uncertainty.weight)
+    found: set[float] = set()
+    for function in functions:
+        found.update(np.abs(function.poles).tolist())
+        found.update(np.abs(function.zeros).tolist())
+        if function.dead_time > 0:
+            found.add(1 / function.dead_time)
+    for loop in set(loops):
+        found.add(1 / loop.integral_time)
+        if loop.derivative_time is not None:
+            found.update((1 / loop.derivative_time, DERIVATIVE_CORNER / loop.derivative_time))
+    positive = [value for value in found if value > 0]
+    return np.array(sorted(positive)) if positive else np.array([1.0])
+
+
+def resonances(plant: Plant) -> NDArray[np.float64]:
+    """Frequencies that resolve lightly damped poles and zeros of the plant, ascending.
+
+    A root at -d +- j w bends the curves within a few d of w, which no fixed grid can know.
+    """
+    roots = np.array([root for f in plant.elements for root in (*f.poles, *f.zeros)], dtype=complex)
+    light = roots[(roots.imag > 0) & (np.abs(roots.real) < 0.5 * roots.imag)]
+    if not light.size:
+        return np.array([])
+    offsets = np.array([-30, -10, -5, -3, -2, -1, -0.5, 0, 0.5, 1, 2, 3, 5, 10, 30])
+    points = light.imag[:, None] + np.abs(light.real)[:, None] * offsets
+    return np.unique(points[points > 0])
+
+
+def grid(
+    low: float, high: float, per_decade: float, extra: Sequence[NDArray[np.float64]] = ()
+) -> NDArray[np.float64]:
+    """Logarithmic grid from `low` to `high` with the `extra` points inside it, ascending."""
+    count = max(2, int(np.ceil(per_decade * np.log10(high / low))) + 1)
+    points = np.concatenate([np.geomspace(low, high, count), *extra])
+    return np.unique(points[(points >= low) & (points <= high)])

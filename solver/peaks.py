@@ -1,0 +1,78 @@
+"""Peaks of a curve between the points of its grid."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from solver.results import Peak
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+__all__ = ["highest", "local_peaks"]
+
+ZOOM = 8  # points a bracket is cut into; each round keeps two of its intervals
+ROUNDS = 8  # 4^8 = 65,000: the bracket's width then changes a smooth peak by less than 1e-9
+
+
+def local_peaks(
+    curve: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    omega: NDArray[np.float64],
+    values: NDArray[np.float64],
+    *,
+    within: float = 0.1,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Frequencies and values of the local maxima, refined by zooming in.
+
+    Works for kinks as well as for smooth peaks; a peak narrower than the grid's step can be
+    missed, which is why the grid must resolve the plant's resonances.
+
+    Parameters
+    ----------
+    curve : callable
+        Values (k,) at frequencies (k,).
+    omega, values : (k,)
+        Ascending grid, and the curve on it.
+    within : float
+        Maxima lower than the greatest value by more than this are left out.
+
+    Returns
+    -------
+    omega, values : (peaks,)
+        Ascending in frequency. An end of the grid counts if the curve is highest there.
+
+    """
+    padded = np.concatenate([[-np.inf], values, [-np.inf]])
+    top = (padded[1:-1] >= padded[:-2]) & (padded[1:-1] > padded[2:])
+    found = np.flatnonzero(top & (values >= values.max() - within))
+    last = omega.size - 1
+    low = np.log(omega[np.maximum(found - 1, 0)])
+    high = np.log(omega[np.minimum(found + 1, last)])
+    best, best_value = omega[found].copy(), values[found].copy()
+    fractions = np.arange(ZOOM + 1) / ZOOM
+    rows = np.arange(found.size)
+    for _ in range(ROUNDS):
+        points = low[:, None] + (high - low)[:, None] * fractions
+        here = curve(np.exp(points.ravel())).reshape(points.shape)
+        index = here.argmax(axis=1)
+        better = here[rows, index] > best_value
+        best = np.where(better, np.exp(points[rows, index]), best)
+        best_value = np.where(better, here[rows, index], best_value)
+        low = points[rows, np.maximum(index - 1, 0)]
+        high = points[rows, np.minimum(index + 1, ZOOM)]
+    return best, best_value
+
+
+def highest(
+    curve: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    omega: NDArray[np.float64],
+    values: NDArray[np.float64],
+) -> Peak:
+    """Return the greatest refined peak of a curve."""
+    where, heights = local_peaks(curve, omega, values)
+    index = int(heights.argmax())
+    return Peak(float(heights[index]), float(where[index]))

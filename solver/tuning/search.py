@@ -1,0 +1,248 @@
+"""Multi-start search for the best settings of one grouping.
+
+Every start descends in two phases. While no tau_P at all can be had, mu at an infinitely slow
+loop is made smaller (its peak below 1 means that some tau_P exists); from there the objective
+itself. The grid then receives the refined peaks of the best optima until the reported peak no
+longer moves. There is no guarantee that the best optimum found is the global one.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.stats import qmc
+
+from solver.blocks import reduce
+from solver.frequencies import corners, grid, resonances
+from solver.mu.kernel import COLD, FINE
+from solver.peaks import local_peaks
+from solver.plants import ParallelPlant
+from solver.tuning.bounds import gain_signs, parameter_box
+from solver.tuning.minimax import minimise
+from solver.tuning.objective import Evaluation, Goal, LoopObjective, MuGoal, TauGoal
+from solver.tuning.specification import ControllerKind, Objective, Specification
+from solver.weights import Performance
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from solver.tuning.groupings import Groups
+
+__all__ = ["Candidate", "GroupingSearch", "Optimum"]
+
+POINTS_PER_DECADE = 11
+SAME_VALUE = 1e-5  # relative difference of s below which two optima may be one
+SAME_PLACE = 0.03  # and of the log parameters
+ROUGH = 1e-5  # tolerance in s of a start's descent
+EXACT = 1e-10  # of the last descent
+SETTLED = 1e-9  # difference of s between grid and refined peaks
+GRID_ROUNDS = 20
+FORBIDDEN = -50.0  # stands for a level of minus infinity where a curve is refined
+ENOUGH_ROOM = -0.02  # log mu^2 at which the first phase ends
+GAIN_STEP = 0.3  # an unstable start is tried again with this share of its gains
+GAIN_STEPS = 12
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """A local optimum on the search grid and how many starts ended there."""
+
+    evaluation: Evaluation
+    count: int
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """Settings with their exact value: s right between the grid points too.
+
+    `peaks` are the frequencies where it is attained.
+    """
+
+    theta: NDArray[np.float64]
+    value: float
+    peaks: NDArray[np.float64]
+
+
+class GroupingSearch:
+    """The search for one grouping.
+
+    Parameters
+    ----------
+    specification : Specification
+        The task.
+    groups : Groups
+        The partition of the units.
+    target : float
+        Greatest mu that the settings may have.
+    checkpoint : callable
+        Called often with the value s so far; may raise to stop.
+
+    """
+
+    def __init__(
+        self,
+        specification: Specification,
+        groups: Groups,
+        target: float,
+        checkpoint: Callable[[float], None],
+    ) -> None:
+        self.specification = specification
+        self.groups = groups
+        self.checkpoint = checkpoint
+        plant, uncertainty = specification.plant, specification.uncertainty
+        self.blocks = reduce(plant, groups, uncertainty.structure)
+        self.box = parameter_box(specification, groups)
+        performance = specification.performance
+        goal: Goal
+        if specification.objective is Objective.TAU_P:
+            goal = TauGoal(performance, target)
+        else:
+            goal = MuGoal(performance)
+        bends = corners(plant, uncertainty)
+        omega = grid(1e-2 * bends[0], 30 * bends[-1], POINTS_PER_DECADE, [resonances(plant)])
+        signs = gain_signs(plant, groups)
+        self.objective = LoopObjective(
+            self.blocks, uncertainty, goal, specification.kind, signs, omega
+        )
+        slow = Performance(performance.max_peak, performance.offset)
+        self.feasibility = self.objective.on(omega, MuGoal(slow, target))
+        self.optima: list[Optimum] = []
+        self.closest: Evaluation | None = None
+
+    @property
+    def default_starts(self) -> int:
+        """Number of starts when none is asked for: the more parameters, the more optima."""
+        per_parameter = 8 if self.specification.kind is ControllerKind.PID else 6
+        return per_parameter * self.box.low.size
+
+    def starts(self, count: int) -> NDArray[np.float64]:
+        """Starting points (count, m), well spread over the box; the same for the same seed."""
+        sampler = qmc.Sobol(self.box.low.size, seed=self.specification.seed)
+        unit = sampler.random_base2(max(0, math.ceil(math.log2(count))))[:count]
+        return np.asarray(qmc.scale(unit, self.box.low, self.box.high))
+
+    def descend(self, theta: NDArray[np.float64]) -> Evaluation | None:
+        """Return the local optimum below one start; None if it leads to no feasible settings."""
+        here = self._stable(theta)
+        if here is None:
+            return None
+        if self.objective.goal.skewed:
+            here = minimise(
+                self.feasibility, here, self.box, tolerance=1e-4, max_iterations=80,
+                good_enough=ENOUGH_ROOM, checkpoint=lambda _: self.checkpoint(math.inf),
+            )  # fmt: skip
+            if self.closest is None or here.value < self.closest.value:
+                self.closest = here
+            if here.value >= 0:
+                return None
+            here = self.objective.evaluate(here.theta)
+            if not math.isfinite(here.value):
+                return None
+        here = minimise(self.objective, here, self.box, tolerance=ROUGH, checkpoint=self.checkpoint)
+        self._remember(here)
+        return here
+
+    def exact(self, theta: NDArray[np.float64]) -> Candidate | None:
+        """Descend on a grid that holds the refined peaks, until the exact value stands still."""
+        objective = self.objective
+        here = objective.evaluate(theta)
+        best: Candidate | None = None
+        for _ in range(GRID_ROUNDS):
+            if not math.isfinite(here.value):
+                return best
+            here = minimise(objective, here, self.box, tolerance=EXACT, checkpoint=self.checkpoint)
+            candidate = self.measure(here.theta, here.value)
+            if best is None or candidate.value < best.value:
+                best = candidate
+            if candidate.value <= here.value + SETTLED:
+                break
+            omega = np.unique(np.concatenate([objective.omega, candidate.peaks]))
+            objective = objective.on(omega)
+            here = objective.evaluate(candidate.theta)
+            if not math.isfinite(here.value) and objective.goal.skewed:
+                here = self._restored(objective, here.theta)
+        return best if best is not None and math.isfinite(best.value) else None
+
+    def measure(self, theta: NDArray[np.float64], s: float) -> Candidate:
+        """Return the exact value of given parameters near `s`, by refining every peak."""
+        bends = corners(
+            self.specification.plant,
+            self.specification.uncertainty,
+            self.objective.controllers(theta),
+        )
+        low = min(1e-3 * bends[0], self.objective.omega[0])
+        high = max(1e2 * bends[-1], self.objective.omega[-1])
+        extra = [resonances(self.specification.plant), bends, self.objective.omega]
+        omega = grid(low, high, 2 * POINTS_PER_DECADE, extra)
+        for _ in range(2):  # the peaks of the demand's excess move little with s
+
+            def excess(points: NDArray[np.float64], at: float = s) -> NDArray[np.float64]:
+                return self.objective.goal.demand(at, points)[0] - self._level(theta, points)
+
+            peaks, _ = local_peaks(excess, omega, excess(omega))
+            level = self._level(theta, peaks)
+            exact = float(self.objective.goal.attained(level, peaks).max())
+            if not math.isfinite(exact):
+                return Candidate(theta, math.inf, peaks)
+            s = exact
+        return Candidate(theta, s, peaks)
+
+    def _level(
+        self, theta: NDArray[np.float64], omega: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        level = self.objective.on(omega).evaluate(theta, nu=(COLD, FINE)).level
+        return np.maximum(level, FORBIDDEN)
+
+    def _restored(self, objective: LoopObjective, theta: NDArray[np.float64]) -> Evaluation:
+        """Return a neighbour for which some tau_P exists at the frequencies of `objective`."""
+        feasibility = objective.on(objective.omega, self.feasibility.goal)
+        here = minimise(
+            feasibility, feasibility.evaluate(theta), self.box, good_enough=-1e-3,
+            checkpoint=lambda _: self.checkpoint(math.inf),
+        )  # fmt: skip
+        return objective.evaluate(here.theta)
+
+    def canonical(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the permuted copy that stands for all: equal groups by descending gain."""
+        rows = theta.reshape(len(self.groups), -1)
+        if not isinstance(self.specification.plant, ParallelPlant):
+            return theta
+        order = sorted(range(len(rows)), key=lambda i: (len(self.groups[i]), *(-rows[i])))
+        sizes = [len(group) for group in self.groups]
+        # Only groups of equal size may change places.
+        result = rows.copy()
+        for size in set(sizes):
+            places = [i for i in range(len(rows)) if sizes[i] == size]
+            for place, source in zip(places, [i for i in order if sizes[i] == size], strict=True):
+                result[place] = rows[source]
+        return result.ravel()
+
+    def _stable(self, theta: NDArray[np.float64]) -> Evaluation | None:
+        """Evaluate a start, its gains lowered until the loop is stable."""
+        objective = self.feasibility if self.objective.goal.skewed else self.objective
+        gains = np.zeros_like(theta)
+        gains[:: self.objective.per_controller] = math.log(GAIN_STEP)
+        for _ in range(GAIN_STEPS):
+            here = objective.evaluate(self.box.clip(theta))
+            if math.isfinite(here.value):
+                return here
+            theta = theta + gains
+        return None
+
+    def _remember(self, found: Evaluation) -> None:
+        place = self.canonical(found.theta)
+        for index, known in enumerate(self.optima):
+            if (
+                abs(known.evaluation.value - found.value) < SAME_VALUE
+                and np.abs(self.canonical(known.evaluation.theta) - place).max() < SAME_PLACE
+            ):
+                better = min(known.evaluation, found, key=lambda e: e.value)
+                self.optima[index] = Optimum(better, known.count + 1)
+                return
+        self.optima.append(Optimum(found, 1))
+        self.optima.sort(key=lambda optimum: optimum.evaluation.value)
