@@ -10,6 +10,7 @@ import asyncio
 import contextlib
 import json
 import logging
+import signal
 import uuid
 from collections.abc import Callable
 from concurrent.futures import CancelledError as FutureCancelledError
@@ -20,6 +21,7 @@ from typing import Any
 from distributed import Client, Future, KilledWorker, LocalCluster, Nanny, Scheduler
 from distributed.comm import CommClosedError
 
+from service.jobs import processes
 from service.jobs.records import Claim, JobStatus, Outcome
 from service.jobs.work import TOPIC, solve
 from service.problems import TimeLimitError, describe
@@ -237,7 +239,7 @@ class Engine:
         self._leaving = missing
         unknown = sorted(present - self._admitted - self._refused)
         if unknown:
-            versions = await client.run(_version, workers=unknown, on_error="ignore")
+            versions = await client.run(_introduce, workers=unknown, on_error="ignore")
             self._judge(versions)
 
     def _judge(self, versions: dict[str, str]) -> None:
@@ -254,7 +256,7 @@ class Engine:
 
 async def _local_cluster(workers: int) -> LocalCluster:
     """Return one process a worker, one thread each."""
-    # The variables of `distributed.nanny.pre-spawn-environ` pin BLAS to one thread as well.
+    processes.prepare()
     cluster: LocalCluster = await LocalCluster(
         n_workers=workers,
         threads_per_worker=1,
@@ -271,12 +273,15 @@ def _report_first_loss(dask_scheduler: Scheduler) -> None:
     dask_scheduler.allowed_failures = 0
 
 
-def _version() -> str:
-    """Return the version of mutune on a worker."""
+def _introduce() -> str:
+    """Return the version of mutune on a worker, which from now on leaves Ctrl-C to its parent."""
+    # A terminal sends it to all processes; the parent stops its workers in good order.
+    with contextlib.suppress(ValueError):  # a worker outside its process's main thread
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
     return version("mutune")
 
 
 async def _restart(dask_worker: Nanny) -> None:
     """Kill a worker process, from its nanny, and start another."""
-    await dask_worker.kill(timeout=0, reason="it does not answer")
+    await dask_worker.kill(timeout=1, reason="it does not answer")
     await dask_worker.instantiate()
