@@ -61,12 +61,14 @@ class PIDesign:
 
     `gains`, `sensitivity` (peak of |S|) and `complementary` (peak of |T|) are None where the
     status is UNBOUNDED. Peaks of exactly 1 are reached at infinite or zero frequency.
+    `greatest_integral_gain` is the optimum without a limit on it; None where it is unbounded.
     """
 
     status: DesignStatus
     gains: ParallelForm | None
     sensitivity: Peak | None
     complementary: Peak | None
+    greatest_integral_gain: float | None
 
 
 def design_pi(
@@ -109,20 +111,20 @@ def design_pi(
     candidates = _GAINS / abs(gain)
     best = _greatest_integral_gain(shape, limits, candidates)
     if best is not None and best[1] <= integral_gain_limit:
-        return _design(shape, DesignStatus.OPTIMAL, best, sign)
-    if math.isinf(integral_gain_limit):
-        return PIDesign(DesignStatus.UNBOUNDED, None, None, None)
-    proportional = _lowest_peaks(shape, limits, candidates, integral_gain_limit)
-    return _design(shape, DesignStatus.DETUNED, (proportional, integral_gain_limit), sign)
-
-
-def _design(
-    shape: LoopShape, status: DesignStatus, settings: tuple[float, float], sign: float
-) -> PIDesign:
-    proportional, integral = settings
+        status, (proportional, integral) = DesignStatus.OPTIMAL, best
+    elif math.isinf(integral_gain_limit):
+        return PIDesign(DesignStatus.UNBOUNDED, None, None, None, None)
+    else:
+        status, integral = DesignStatus.DETUNED, integral_gain_limit
+        proportional = _lowest_peaks(shape, limits, candidates, integral)
     sensitivity, complementary = shape.peaks(proportional, integral)
-    gains = ParallelForm(sign * proportional, sign * integral)
-    return PIDesign(status, gains, sensitivity, complementary)
+    return PIDesign(
+        status=status,
+        gains=ParallelForm(sign * proportional, sign * integral),
+        sensitivity=sensitivity,
+        complementary=complementary,
+        greatest_integral_gain=None if best is None else sign * best[1],
+    )
 
 
 def _greatest_integral_gain(

@@ -1,0 +1,307 @@
+"""Static decoupling and PI design of the decoupled loops.
+
+Astrom and Hagglund, chapter 11.3: u = D u_bar with D = P(0)^-1 leaves the loops Q(s) = P(s) D,
+Q(0) = I, whose remaining interaction is q_ij(s) = kappa_ij s + ... Each loop gets the PI
+controller u_bar_j = b_j k_j y_sp_j - k_j y_j + (k_Ij/s)(y_sp_j - y_j).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from solver.errors import InvalidInputError, UnsupportedPlantError
+from solver.interaction.decoupled_loops import DecoupledLoops
+from solver.interaction.frequencies import frequency_grid
+from solver.interaction.loop_shape import RobustnessLimits, dense_frequencies
+from solver.interaction.pi_design import DesignStatus, PIDesign, design_pi
+from solver.interaction.relative_gain import is_singular, relative_gain_array, relative_gain_at
+from solver.interaction.weighted_sum import WeightedSum
+from solver.plants import MAX_MATRIX_SIZE, ParallelPlant
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from solver.plants import Plant
+
+__all__ = ["ClosedLoop", "Decoupling", "DecouplingSpecification", "decouple"]
+
+INPUT_ERROR = 0.2  # relative error of an input, that of the default uncertainty weight
+_POINTS = 200  # of the curves; the peaks are read off a dense grid
+
+
+@dataclass(frozen=True)
+class DecouplingSpecification:
+    """What is to be decoupled, and how tightly.
+
+    Parameters
+    ----------
+    plant : Plant
+        Stable, static gain regular, at most `MAX_MATRIX_SIZE` loops.
+    limits : RobustnessLimits
+        Permitted peaks of |S| and |T| of each loop.
+    max_index : float or None
+        Interaction index that no loop may exceed; the integral gains are reduced to keep it.
+    set_point_weights : tuple of float or None
+        b, one a loop, 0 to 1; None: zero, which disturbs the other loops least.
+    omega : (k,) or None
+        Frequencies of the curves, rad per time unit, ascending; None: chosen from the plant.
+
+    """
+
+    plant: Plant
+    limits: RobustnessLimits = field(default_factory=RobustnessLimits)
+    max_index: float | None = None
+    set_point_weights: tuple[float, ...] | None = None
+    omega: NDArray[np.float64] | None = None
+
+    def __post_init__(self) -> None:
+        n = self.plant.n
+        if n > MAX_MATRIX_SIZE:
+            message = f"decoupling is for at most {MAX_MATRIX_SIZE} loops"
+            raise InvalidInputError(message, "/plant/n")
+        if any(np.any(element.poles.real >= 0) for element in self.plant.elements):
+            message = "static decoupling needs a stable plant; this one integrates or is unstable"
+            raise UnsupportedPlantError(message, "/plant")
+        if is_singular(self.plant.static_gain()):
+            message = "the static gain is singular: it has no inverse to decouple with"
+            raise InvalidInputError(message, "/plant")
+        if self.max_index is not None and not 0 < self.max_index <= 1e6:
+            message = "the interaction index must be positive and at most 1e6"
+            raise InvalidInputError(message, "/max_index")
+        weights = self.weights
+        if len(weights) != n:
+            message = f"{len(weights)} set-point weights for {n} loops"
+            raise InvalidInputError(message, "/set_point_weights")
+        for index, weight in enumerate(weights):
+            if not 0 <= weight <= 1:
+                message = "a set-point weight lies in 0..1"
+                raise InvalidInputError(message, f"/set_point_weights/{index}")
+
+    @property
+    def weights(self) -> tuple[float, ...]:
+        """Set-point weights, (n,)."""
+        if self.set_point_weights is None:
+            return (0.0,) * self.plant.n
+        return self.set_point_weights
+
+
+@dataclass(frozen=True)
+class ClosedLoop:
+    """The loops together.
+
+    Attributes
+    ----------
+    stable : bool
+        Whether they are stable with the interaction that the design of each loop neglects.
+    omega : (k,)
+        Frequencies of the curves, rad per time unit.
+    approximate, exact : (k, n, n) complex
+        H and H_bar: from set point j to output i.
+    approximate_peaks, exact_peaks : (n, n)
+        Peaks of |h_ij| over all frequencies.
+    indices : (n, n)
+        Interaction indices |kappa_ij k_Ij| M_si, eq. 11.10: a crude estimate of the peaks off
+        the diagonal, how loop j disturbs loop i. Zero on the diagonal.
+
+    """
+
+    stable: bool
+    omega: NDArray[np.float64]
+    approximate: NDArray[np.complex128]
+    exact: NDArray[np.complex128]
+    approximate_peaks: NDArray[np.float64]
+    exact_peaks: NDArray[np.float64]
+    indices: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Decoupling:
+    """Outcome of a decoupling.
+
+    Attributes
+    ----------
+    decoupler : (n, n)
+        D = P(0)^-1.
+    kappa : (n, n)
+        Q'(0), dead time exact; time units. Off the diagonal the kappa_ij of the book.
+    loops : tuple of PIDesign
+        Settings, one a loop.
+    set_point_weights : tuple of float
+        b, one a loop.
+    closed_loop : ClosedLoop or None
+        None where a design is unbounded.
+    input_error_gain : float
+        Greatest relative change of a loop's gain per relative error of the inputs, over the
+        frequencies up to the loops' bandwidth: the largest sum of a row's relative gains in
+        magnitude. An inverse-based controller is dangerous where it is large (Skogestad,
+        Lundstrom and Hovd, section 4.2).
+    warnings : tuple of str
+        What to look at twice.
+
+    """
+
+    decoupler: NDArray[np.float64]
+    kappa: NDArray[np.float64]
+    loops: tuple[PIDesign, ...]
+    set_point_weights: tuple[float, ...]
+    closed_loop: ClosedLoop | None
+    input_error_gain: float
+    warnings: tuple[str, ...] = field(default=())
+
+
+def decouple(specification: DecouplingSpecification) -> Decoupling:
+    """Decouple a plant statically and design its loops.
+
+    Parameters
+    ----------
+    specification : DecouplingSpecification
+        Plant and limits.
+
+    Returns
+    -------
+    Decoupling
+        With an unbounded loop (a first-order process without dead time, say) there is no
+        closed loop; give `max_index`, or a model that holds what limits the loop.
+
+    """
+    plant = specification.plant
+    D = np.asarray(np.linalg.inv(plant.static_gain()), dtype=np.float64)
+    kappa = _first_coefficients(plant, D)
+    limits = _integral_gain_limits(kappa, specification)
+    loops = _design_loops(specification, D, limits)
+    closed_loop = _closed_loop(specification, D, kappa, loops)
+    error_gain = _input_error_gain(plant, loops)
+    return Decoupling(
+        decoupler=D,
+        kappa=kappa,
+        loops=tuple(loops),
+        set_point_weights=specification.weights,
+        closed_loop=closed_loop,
+        input_error_gain=error_gain,
+        warnings=_warnings(loops, closed_loop, error_gain),
+    )
+
+
+def _first_coefficients(plant: Plant, D: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Q'(0) = P'(0) D, (n, n), with zeros where only rounding is left."""
+    size = range(plant.n)
+    slope = np.array([[plant.element(r, c).derivative_at_zero() for c in size] for r in size])
+    kappa = slope @ D
+    noise = 1e-13 * (np.abs(slope) @ np.abs(D))
+    return np.where(np.abs(kappa) <= noise, 0.0, kappa)
+
+
+def _design_loops(
+    specification: DecouplingSpecification, D: NDArray[np.float64], limits: NDArray[np.float64]
+) -> list[PIDesign]:
+    plant = specification.plant
+    size = range(plant.n)
+    if isinstance(plant, ParallelPlant):  # all loops are alike
+        others = (plant.n - 1) * float(D[0, -1]) if plant.n > 1 else 0.0
+        process = WeightedSum((float(D[0, 0]), others), (plant.process, plant.interaction))
+        return [design_pi(process, specification.limits, float(limits[0]))] * plant.n
+    designs = []
+    for loop in size:
+        row = tuple(plant.element(loop, column) for column in size)
+        process = WeightedSum(tuple(float(d) for d in D[:, loop]), row)
+        designs.append(design_pi(process, specification.limits, float(limits[loop])))
+    return designs
+
+
+def _integral_gain_limits(
+    kappa: NDArray[np.float64], specification: DecouplingSpecification
+) -> NDArray[np.float64]:
+    """Greatest integral gain of each loop j: max_index/(|kappa_ij| M_s) for every other i."""
+    n = len(kappa)
+    if specification.max_index is None:
+        return np.full(n, math.inf)
+    coupling = np.abs(kappa)
+    np.fill_diagonal(coupling, 0.0)
+    strongest = np.max(coupling, axis=0) * specification.limits.max_sensitivity
+    with np.errstate(divide="ignore"):
+        return np.asarray(specification.max_index / strongest, dtype=np.float64)
+
+
+def _closed_loop(
+    specification: DecouplingSpecification,
+    D: NDArray[np.float64],
+    kappa: NDArray[np.float64],
+    loops: list[PIDesign],
+) -> ClosedLoop | None:
+    gains = tuple(loop.gains for loop in loops if loop.gains is not None)
+    peaks = [loop.sensitivity.value for loop in loops if loop.sensitivity is not None]
+    if len(gains) < len(loops):
+        return None
+    plant = specification.plant
+    system = DecoupledLoops(plant, D, gains, specification.weights)
+    omega = specification.omega
+    if omega is None:
+        omega = frequency_grid(plant.elements, _POINTS, below=100.0, above=100.0)
+    dense = dense_frequencies(plant.elements)
+    indices = np.abs(kappa * [g.integral_gain for g in gains]) * np.array(peaks)[:, None]
+    np.fill_diagonal(indices, 0.0)
+    return ClosedLoop(
+        stable=system.is_stable(dense),
+        omega=omega,
+        approximate=system.approximate(omega),
+        exact=system.exact(omega),
+        approximate_peaks=_peaks(np.abs(system.approximate(dense))),
+        exact_peaks=_peaks(np.abs(system.exact(dense))),
+        indices=indices,
+    )
+
+
+def _peaks(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Peaks along axis 0, refined by the parabola through the highest samples."""
+    top = np.clip(np.argmax(values, axis=0), 1, len(values) - 2)[None]
+    left, middle, right = (np.take_along_axis(values, top + k, axis=0)[0] for k in (-1, 0, 1))
+    curvature = left - 2 * middle + right
+    with np.errstate(invalid="ignore", divide="ignore"):
+        rise = np.where(curvature < 0, -((right - left) ** 2) / (8 * curvature), 0.0)
+    inside = (middle >= left) & (middle >= right)
+    peaks = np.where(inside, middle + rise, np.max(values, axis=0))
+    return np.asarray(peaks, dtype=np.float64)
+
+
+def _input_error_gain(plant: Plant, loops: list[PIDesign]) -> float:
+    """Largest row sum of |relative gains| from steady state up to the loops' bandwidth.
+
+    P (I + Delta) P^-1 has the diagonal 1 + sum_j lambda_ij delta_j.
+    """
+    gains = [np.abs(relative_gain_array(plant.static_gain()))[None]]
+    bandwidths = [
+        loop.sensitivity.omega
+        for loop in loops
+        if loop.sensitivity is not None and math.isfinite(loop.sensitivity.omega)
+    ]
+    if bandwidths:
+        omega = np.geomspace(max(bandwidths) / 1e3, max(bandwidths), 50)
+        gains.append(np.abs(relative_gain_at(plant.response(omega))))
+    return float(np.nanmax(np.concatenate(gains).sum(axis=2)))
+
+
+def _warnings(
+    loops: list[PIDesign], closed_loop: ClosedLoop | None, error_gain: float
+) -> tuple[str, ...]:
+    warnings = [
+        f"Loop {index + 1} has no finite optimum: its model has nothing that limits the "
+        "integral gain. Give max_index, or add the dead time that the model neglects."
+        for index, loop in enumerate(loops)
+        if loop.status is DesignStatus.UNBOUNDED
+    ]
+    if closed_loop is not None and not closed_loop.stable:
+        warnings.append(
+            "The loops are unstable together: the interaction left by the static decoupler is "
+            "too strong. Give a smaller max_index."
+        )
+    if INPUT_ERROR * error_gain > 1:
+        warnings.append(
+            f"Relative gains are large: an error of {INPUT_ERROR:.0%} in the inputs changes the "
+            f"gain of a loop by up to {INPUT_ERROR * error_gain:.0%}, so a decoupler is "
+            "dangerous here. Prefer single loops tuned for robust performance."
+        )
+    return tuple(warnings)

@@ -1,0 +1,238 @@
+"""Static decoupling: the book's examples, Taylor coefficients, detuning, stability, warnings."""
+
+import numpy as np
+import pytest
+
+from solver.controllers import ParallelForm
+from solver.errors import InvalidInputError, UnsupportedPlantError
+from solver.interaction.decoupled_loops import DecoupledLoops
+from solver.interaction.decoupling import Decoupling, DecouplingSpecification, decouple
+from solver.interaction.loop_shape import RobustnessLimits, dense_frequencies
+from solver.interaction.pi_design import DesignStatus
+from solver.plants import MatrixPlant, ParallelPlant, first_order
+from solver.transfer_function import TransferFunction
+
+ROSENBROCK = MatrixPlant(
+    [
+        [TransferFunction([1], [1, 1]), TransferFunction([2], [1, 3])],
+        [TransferFunction([1], [1, 1]), TransferFunction([1], [1, 1])],
+    ]
+)
+WOOD_BERRY = MatrixPlant(
+    [
+        [TransferFunction([12.8], [16.7, 1], 1), TransferFunction([-18.9], [21, 1], 3)],
+        [TransferFunction([6.6], [10.9, 1], 7), TransferFunction([-19.4], [14.4, 1], 3)],
+    ]
+)
+
+
+@pytest.fixture(scope="module")
+def wood_berry() -> Decoupling:
+    """Wood and Berry's column with the default limits."""
+    return decouple(DecouplingSpecification(WOOD_BERRY))
+
+
+def test_example_11_5() -> None:
+    """Astrom and Hagglund, Example 11.5: D, kappa_12 = 4/3, kappa_21 = 0, k_I2 limit 0.23."""
+    result = decouple(DecouplingSpecification(ROSENBROCK, max_index=0.5))
+    np.testing.assert_allclose(result.decoupler, [[3, -2], [-3, 3]])
+    np.testing.assert_allclose(result.kappa, [[-7 / 3, 4 / 3], [0, -1]], atol=1e-14)
+    first, second = result.loops
+    assert first.gains is not None
+    assert second.gains is not None
+    assert first.status is DesignStatus.OPTIMAL
+    assert first.gains.integral_gain == pytest.approx(0.3420, abs=5e-5)
+    # The printed formula, 0.5/(kappa_12 Ms1 Ms2), gives 0.146; the printed 0.23 is without Ms2.
+    assert second.status is DesignStatus.DETUNED
+    assert second.gains.integral_gain == pytest.approx(0.5 / (4 / 3 * 1.6))
+    assert second.gains.integral_gain == pytest.approx(0.23, abs=5e-3)
+    assert result.closed_loop is not None
+    assert result.closed_loop.stable
+    np.testing.assert_allclose(result.closed_loop.indices, [[0, 0.5], [0, 0]], atol=1e-6)
+
+
+def test_example_11_5_peak_of_h12() -> None:
+    """The book reads 0.26 off its figure; its own settings give 0.371 (0.353 with H_bar)."""
+    gains = (ParallelForm(0.2975, 0.3420), ParallelForm(0.23, 0.23))
+    D = np.array([[3.0, -2.0], [-3.0, 3.0]])
+    omega = np.geomspace(1e-3, 1e3, 20_000)
+    loops = DecoupledLoops(ROSENBROCK, D, gains, (0.0, 0.0))
+    assert np.max(np.abs(loops.approximate(omega)[:, 0, 1])) == pytest.approx(0.371, abs=5e-4)
+    assert np.max(np.abs(loops.exact(omega)[:, 0, 1])) == pytest.approx(0.353, abs=5e-4)
+    with_weights = DecoupledLoops(ROSENBROCK, D, gains, (1.0, 1.0))
+    assert np.max(np.abs(with_weights.exact(omega)[:, 0, 1])) > 0.45
+
+
+def test_example_11_6(wood_berry: Decoupling) -> None:
+    """Wood and Berry's column: Q'(0), settings and indices beside the printed ones."""
+    result = wood_berry
+    exact = [[-11.3409, -12.3329], [-0.518045, -16.8953]]
+    np.testing.assert_allclose(result.kappa, exact, rtol=1e-5)
+    printed = [[-11.7, -12.31], [-0.5138, -17.3]]
+    np.testing.assert_allclose(result.kappa, printed, rtol=0.035)
+    settings = [
+        (loop.gains.proportional_gain, loop.gains.integral_gain)
+        for loop in result.loops
+        if loop.gains is not None
+    ]
+    np.testing.assert_allclose(settings, [[2.348, 1.538], [0.586, 0.298]], rtol=0.007)
+    assert result.closed_loop is not None
+    assert result.closed_loop.stable
+    indices = result.closed_loop.indices
+    assert indices[0, 1] == pytest.approx(5.8, abs=0.1)
+    assert indices[1, 0] == pytest.approx(1.26, abs=0.02)
+    assert result.warnings == ()
+
+
+def test_detuning_keeps_the_wanted_index(wood_berry: Decoupling) -> None:
+    """With max_index 1 the indices are at most 1 and the true peaks fall."""
+    tight = wood_berry.closed_loop
+    slack = decouple(DecouplingSpecification(WOOD_BERRY, max_index=1.0)).closed_loop
+    assert tight is not None
+    assert slack is not None
+    assert np.all(slack.indices <= 1 + 1e-12)
+    assert np.max(slack.indices) > 0.9
+    assert slack.exact_peaks[0, 1] < 0.2 * tight.exact_peaks[0, 1]
+    assert slack.exact_peaks[1, 0] < tight.exact_peaks[1, 0]
+
+
+@pytest.mark.parametrize("plant", [WOOD_BERRY, ROSENBROCK, first_order(3, 2, 10, -0.3, 1)])
+def test_kappa_is_the_derivative_of_q(plant: MatrixPlant | ParallelPlant) -> None:
+    """Taylor coefficients against a central difference of Q on the imaginary axis."""
+    result = decouple(DecouplingSpecification(plant, max_index=0.5))
+    h = 1e-5
+    Q = plant.response([h])[0] @ result.decoupler
+    np.testing.assert_allclose(Q.imag / h, result.kappa, atol=1e-7)
+    np.testing.assert_allclose(Q.real, np.eye(plant.n), atol=1e-7)
+
+
+def test_parallel_units_of_equal_dynamics_are_decoupled_at_all_frequencies() -> None:
+    """Common dynamics: kappa is diagonal, H_bar too, and all loops are alike."""
+    result = decouple(DecouplingSpecification(first_order(4, 1, 10, 0.3, 1)))
+    np.testing.assert_array_equal(result.kappa, np.diag(np.diag(result.kappa)))
+    assert len(set(result.loops)) == 1
+    assert result.closed_loop is not None
+    off = result.closed_loop.exact[:, ~np.eye(4, dtype=bool)]
+    np.testing.assert_allclose(off, 0, atol=1e-14)
+
+
+def test_parallel_design_is_that_of_the_same_matrix() -> None:
+    """The design for all units at once equals the design of each loop of the matrix."""
+    plant = ParallelPlant(3, TransferFunction([2], [10, 1], 1), TransferFunction([0.5], [4, 1], 2))
+    dense = MatrixPlant([[plant.element(r, c) for c in range(3)] for r in range(3)])
+    alike = decouple(DecouplingSpecification(plant)).loops
+    each = decouple(DecouplingSpecification(dense)).loops
+    for first, second in zip(alike, each, strict=True):
+        assert first.gains is not None
+        assert second.gains is not None
+        assert first.gains.integral_gain == pytest.approx(second.gains.integral_gain, rel=1e-9)
+
+
+def test_unbounded_loop_has_no_closed_loop() -> None:
+    """Rosenbrock's second loop is first order: without an index it has no finite optimum."""
+    result = decouple(DecouplingSpecification(ROSENBROCK))
+    assert result.loops[1].status is DesignStatus.UNBOUNDED
+    assert result.closed_loop is None
+    assert "max_index" in result.warnings[0]
+
+
+def test_large_relative_gains_are_warned_of() -> None:
+    """SLH section 4.2: a = 0.949 has relative gains 10.06 and -9.06; a decoupler is dangerous."""
+    result = decouple(DecouplingSpecification(first_order(2, 1, 100, 0.949, 1)))
+    assert result.input_error_gain == pytest.approx((1 + 0.949**2) / (1 - 0.949**2), rel=1e-6)
+    assert "dangerous" in result.warnings[0]
+
+
+def test_input_error_gain_is_what_an_input_error_does(wood_berry: Decoupling) -> None:
+    """P (I + Delta) P^-1 has a diagonal that changes by up to that factor times the error."""
+    P = WOOD_BERRY.static_gain()
+    worst = max(
+        np.max(np.abs(np.diag(P @ np.diag([1 + d1, 1 + d2]) @ np.linalg.inv(P)) - 1))
+        for d1 in (-0.01, 0.01)
+        for d2 in (-0.01, 0.01)
+    )
+    assert wood_berry.input_error_gain >= worst / 0.01 - 1e-9
+
+
+def _closed_loop_poles(k: float, k_I: float) -> np.ndarray:
+    """Poles of Rosenbrock's decoupled system with equal loops, from a state-space model."""
+    # States: 1/(s+1) u1, 1/(s+3) 2 u2, 1/(s+1) u2; outputs x1 + x2, x1 + x3.
+    A = np.diag([-1.0, -3.0, -1.0])
+    B = np.array([[1.0, 0.0], [0.0, 2.0], [0.0, 1.0]])
+    C = np.array([[1.0, 1.0, 0.0], [1.0, 0.0, 1.0]])
+    D = np.array([[3.0, -2.0], [-3.0, 3.0]])
+    top = np.hstack([A - k * B @ D @ C, k_I * B @ D])
+    bottom = np.hstack([-C, np.zeros((2, 2))])
+    return np.linalg.eigvals(np.vstack([top, bottom]))
+
+
+@pytest.mark.parametrize("k", [0.05, 0.3, 0.8, 1.2, 3.0])
+@pytest.mark.parametrize("k_I", [0.001, 0.3, 0.8, 2.0])
+def test_stability_is_that_of_the_poles(k: float, k_I: float) -> None:
+    """The winding number of det(I + Q C) agrees with the eigenvalues."""
+    loops = DecoupledLoops(
+        ROSENBROCK, np.array([[3.0, -2.0], [-3.0, 3.0]]), (ParallelForm(k, k_I),) * 2, (0.0, 0.0)
+    )
+    stable = bool(np.all(_closed_loop_poles(k, k_I).real < 0))
+    assert loops.is_stable(dense_frequencies(ROSENBROCK.elements)) is stable
+
+
+def test_loops_that_are_unstable_together_are_warned_of() -> None:
+    """Strong dynamic interaction: each decoupled loop is sound, together they are not."""
+    plant = MatrixPlant(
+        [
+            [TransferFunction([1], [10, 1], 0.5), TransferFunction([0.9], [1, 1], 0.5)],
+            [TransferFunction([0.9], [1, 1], 0.5), TransferFunction([1], [10, 1], 0.5)],
+        ]
+    )
+    result = decouple(DecouplingSpecification(plant, RobustnessLimits(3.0, 3.0)))
+    assert result.closed_loop is not None
+    assert not result.closed_loop.stable
+    assert any("unstable together" in warning for warning in result.warnings)
+
+
+def test_given_frequencies_and_weights_are_used() -> None:
+    """Curves at the caller's frequencies; b multiplies the proportional part of H_bar."""
+    omega = np.array([0.01, 0.1])
+    result = decouple(
+        DecouplingSpecification(WOOD_BERRY, set_point_weights=(1.0, 0.5), omega=omega)
+    )
+    assert result.closed_loop is not None
+    np.testing.assert_array_equal(result.closed_loop.omega, omega)
+    assert result.closed_loop.exact.shape == (2, 2, 2)
+    assert result.set_point_weights == (1.0, 0.5)
+
+
+LAG = TransferFunction([1], [1, 1])
+
+
+@pytest.mark.parametrize(
+    ("plant", "error", "field"),
+    [
+        (MatrixPlant([[LAG, LAG], [LAG, LAG]]), InvalidInputError, "/plant"),
+        (first_order(2, 1, 10, 1), InvalidInputError, "/plant"),
+        (MatrixPlant([[TransferFunction([1], [1, 0])]]), UnsupportedPlantError, "/plant"),
+        (MatrixPlant([[TransferFunction([1], [1, -1])]]), UnsupportedPlantError, "/plant"),
+        (first_order(11, 1, 10, 0.1), InvalidInputError, "/plant/n"),
+    ],
+)
+def test_plants_that_cannot_be_decoupled(
+    plant: MatrixPlant | ParallelPlant, error: type[InvalidInputError], field: str
+) -> None:
+    """Singular, integrating, unstable and very large plants are refused by field."""
+    with pytest.raises(error) as caught:
+        DecouplingSpecification(plant)
+    assert caught.value.field == field
+
+
+def test_bad_options_are_refused() -> None:
+    """Index and set-point weights out of range name their fields."""
+    with pytest.raises(InvalidInputError) as index:
+        DecouplingSpecification(WOOD_BERRY, max_index=0.0)
+    assert index.value.field == "/max_index"
+    with pytest.raises(InvalidInputError) as count:
+        DecouplingSpecification(WOOD_BERRY, set_point_weights=(0.0,))
+    assert count.value.field == "/set_point_weights"
+    with pytest.raises(InvalidInputError) as weight:
+        DecouplingSpecification(WOOD_BERRY, set_point_weights=(0.0, 1.5))
+    assert weight.value.field == "/set_point_weights/1"
