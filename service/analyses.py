@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-import multiprocessing
 import os
 import signal
 from collections.abc import Callable
@@ -17,6 +16,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from typing import Any, ParamSpec
 
+from service.jobs import processes
 from service.problems import AnalysisTimeoutError, UnavailableError
 
 __all__ = ["Analyses"]
@@ -29,17 +29,17 @@ class Analyses:
 
     Parameters
     ----------
-    processes : int
+    size : int
         Number of processes.
     time_limit : float
         Seconds, from the moment when the analysis begins to wait for a process.
 
     """
 
-    def __init__(self, processes: int, time_limit: float) -> None:
+    def __init__(self, size: int, time_limit: float) -> None:
         self._time_limit = time_limit
         self._idle: asyncio.Queue[_Process] = asyncio.Queue()
-        for _ in range(processes):
+        for _ in range(size):
             self._idle.put_nowait(_Process())
 
     async def run(
@@ -87,9 +87,9 @@ class _Process:
         loop = asyncio.get_running_loop()
         try:
             if self._executor is None:
-                # Spawned: a forked child would inherit the locks of this process's threads.
-                context = multiprocessing.get_context("spawn")
-                self._executor = ProcessPoolExecutor(1, context, initializer=_leave_signals)
+                self._executor = ProcessPoolExecutor(
+                    1, processes.prepare(), initializer=_leave_signals
+                )
                 self._pid = await loop.run_in_executor(self._executor, os.getpid)
             return await loop.run_in_executor(self._executor, function, *args)
         except (asyncio.CancelledError, BrokenProcessPool):

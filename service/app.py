@@ -12,7 +12,7 @@ from typing import Any
 from fastapi import FastAPI
 
 import service.openapi
-from service import docs_page, problems
+from service import answers, docs_page
 from service.analyses import Analyses
 from service.jobs import database
 from service.jobs.dispatcher import Dispatcher
@@ -61,7 +61,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     )
     app.state.settings = settings or Settings()
     app.state.metrics = Metrics()
-    problems.install(app)
+    answers.install(app)
     for module in (tunings, robustness, health):
         app.include_router(module.router)
     docs_page.install(app)

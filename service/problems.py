@@ -2,20 +2,31 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
-from fastapi import FastAPI, Request, Response
-from fastapi.exceptions import RequestValidationError
 from pydantic import BaseModel, Field
-from starlette.exceptions import HTTPException
 
 from service.schemas.parsing import Fault, RequestError
 from solver.errors import InvalidInputError, UnsupportedPlantError
 
-__all__ = ["MEDIA_TYPE", "Problem", "ProblemError", "describe", "install"]
+__all__ = [
+    "KINDS",
+    "MEDIA_TYPE",
+    "AnalysisTimeoutError",
+    "BodyTooLargeError",
+    "ConflictError",
+    "MediaTypeError",
+    "MethodError",
+    "NotFoundError",
+    "ParameterError",
+    "Problem",
+    "ProblemError",
+    "TimeLimitError",
+    "UnavailableError",
+    "WorkerDiedError",
+    "describe",
+]
 
 MEDIA_TYPE = "application/problem+json"
 
@@ -53,17 +64,8 @@ class Problem(BaseModel):
     )
 
 
-@dataclass(frozen=True)
-class _Kind:
-    status: int
-    slug: str
-    title: str
-
-
 class ProblemError(Exception):
     """A request that ends with a problem.
-
-    Subclasses name their kind in the table below.
 
     Parameters
     ----------
@@ -71,13 +73,25 @@ class ProblemError(Exception):
         What happened this time.
     headers : mapping
         Headers of the answer.
+    faults : tuple of Fault
+        The faulty values.
 
     """
 
-    def __init__(self, detail: str, headers: Mapping[str, str] | None = None) -> None:
+    def __init__(
+        self,
+        detail: str,
+        headers: Mapping[str, str] | None = None,
+        faults: tuple[Fault, ...] = (),
+    ) -> None:
         super().__init__(detail)
         self.detail = detail
         self.headers = dict(headers or {})
+        self.faults = faults
+
+
+class ParameterError(ProblemError):
+    """A parameter in path, query or header is not valid."""
 
 
 class BodyTooLargeError(ProblemError):
@@ -90,6 +104,10 @@ class MediaTypeError(ProblemError):
 
 class NotFoundError(ProblemError):
     """There is no such resource, or it is another key's."""
+
+
+class MethodError(ProblemError):
+    """The resource does not have this method."""
 
 
 class ConflictError(ProblemError):
@@ -112,82 +130,51 @@ class UnavailableError(ProblemError):
     """Something that the request needs does not answer now."""
 
 
-_NOT_JSON = _Kind(400, "not-json", "The body is not JSON")
-_INTERNAL = _Kind(500, "internal", "Internal error")
+class Kind(NamedTuple):
+    """A kind of problem: HTTP status, last part of its type, title."""
 
-_KINDS: dict[type[Exception], _Kind] = {
-    RequestError: _Kind(422, "invalid-request", "The request does not match its schema"),
-    RequestValidationError: _Kind(422, "invalid-parameter", "A parameter is not valid"),
-    UnsupportedPlantError: _Kind(422, "unsupported-plant", "The plant is not supported"),
-    InvalidInputError: _Kind(422, "invalid-input", "The mathematics cannot accept a value"),
-    BodyTooLargeError: _Kind(413, "body-too-large", "The body is too large"),
-    MediaTypeError: _Kind(415, "media-type", "The body must be JSON"),
-    NotFoundError: _Kind(404, "not-found", "Not found"),
-    ConflictError: _Kind(409, "conflict", "Conflict"),
-    AnalysisTimeoutError: _Kind(503, "analysis-timeout", "The analysis took too long"),
-    TimeLimitError: _Kind(503, "time-limit", "The time limit is over"),
-    WorkerDiedError: _Kind(500, "worker-died", "The job kills its worker"),
-    UnavailableError: _Kind(503, "unavailable", "Not available now"),
+    status: int
+    slug: str
+    title: str
+
+
+_NOT_JSON = Kind(400, "not-json", "The body is not JSON")
+_INTERNAL = Kind(500, "internal", "Internal error")
+
+KINDS: dict[type[Exception], Kind] = {
+    RequestError: Kind(422, "invalid-request", "The request does not match its schema"),
+    ParameterError: Kind(422, "invalid-parameter", "A parameter is not valid"),
+    UnsupportedPlantError: Kind(422, "unsupported-plant", "The plant is not supported"),
+    InvalidInputError: Kind(422, "invalid-input", "The mathematics cannot accept a value"),
+    BodyTooLargeError: Kind(413, "body-too-large", "The body is too large"),
+    MediaTypeError: Kind(415, "media-type", "The body must be JSON"),
+    NotFoundError: Kind(404, "not-found", "Not found"),
+    MethodError: Kind(405, "method", "The resource does not have this method"),
+    ConflictError: Kind(409, "conflict", "Conflict"),
+    AnalysisTimeoutError: Kind(503, "analysis-timeout", "The analysis took too long"),
+    TimeLimitError: Kind(503, "time-limit", "The time limit is over"),
+    WorkerDiedError: Kind(500, "worker-died", "The job kills its worker"),
+    UnavailableError: Kind(503, "unavailable", "Not available now"),
 }
-
-
-@dataclass(frozen=True)
-class _Description:
-    kind: _Kind
-    detail: str
-    faults: tuple[Fault, ...] = ()
-    headers: dict[str, str] = field(default_factory=dict)
-
-    def document(self) -> dict[str, Any]:
-        return {
-            "type": f"urn:mutune:problem:{self.kind.slug}",
-            "title": self.kind.title,
-            "status": self.kind.status,
-            "detail": self.detail,
-            "errors": [{"pointer": fault.pointer, "detail": fault.detail} for fault in self.faults],
-        }
 
 
 def describe(error: Exception) -> dict[str, Any]:
     """Return the problem document of `error`; anything unforeseen is an internal error."""
-    return _description(error).document()
-
-
-def install(app: FastAPI) -> None:
-    """Make `app` answer every error as a problem."""
-    for kind in (*_KINDS, HTTPException, Exception):
-        app.add_exception_handler(kind, _answer)
-
-
-async def _answer(_request: Request, error: Exception) -> Response:
-    description = _description(error)
-    return Response(
-        json.dumps(description.document()),
-        status_code=description.kind.status,
-        media_type=MEDIA_TYPE,
-        headers=description.headers,
-    )
-
-
-def _description(error: Exception) -> _Description:
-    if isinstance(error, HTTPException):
-        slug = error.detail.lower().replace(" ", "-")
-        kind = _Kind(error.status_code, slug, error.detail)
-        return _Description(kind, error.detail, headers=dict(error.headers or {}))
-    kind = next((_KINDS[base] for base in type(error).__mro__ if base in _KINDS), _INTERNAL)
+    kind = next((KINDS[base] for base in type(error).__mro__ if base in KINDS), _INTERNAL)
+    detail = "The service met a fault of its own; it is in its log."
+    faults: tuple[Fault, ...] = ()
     match error:
         case RequestError():
-            if not error.is_json:
-                kind = _NOT_JSON
-            return _Description(kind, str(error), error.faults)
-        case RequestValidationError():
-            faults = tuple(
-                Fault(f"/{'/'.join(str(part) for part in item['loc'])}", item["msg"])
-                for item in error.errors()
-            )
-            return _Description(kind, str(RequestError(faults)), faults)
+            kind = kind if error.is_json else _NOT_JSON
+            detail, faults = str(error), error.faults
         case InvalidInputError():
-            return _Description(kind, error.message, (Fault(error.field, error.message),))
+            detail, faults = error.message, (Fault(error.field, error.message),)
         case ProblemError():
-            return _Description(kind, error.detail, headers=error.headers)
-    return _Description(kind, "The service met a fault of its own; it is in its log.")
+            detail, faults = error.detail, error.faults
+    return {
+        "type": f"urn:mutune:problem:{kind.slug}",
+        "title": kind.title,
+        "status": kind.status,
+        "detail": detail,
+        "errors": [{"pointer": fault.pointer, "detail": fault.detail} for fault in faults],
+    }

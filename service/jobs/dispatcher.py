@@ -81,7 +81,7 @@ class Dispatcher:
             ids = list(self._runs)
             for job_id in await asyncio.to_thread(self._store.cancellations, ids):
                 if task := self._runs.get(job_id):
-                    task.cancel()
+                    _stop(task)
 
     async def _run(self, claim: Claim) -> None:
         def note(fraction: float, best: float | None) -> None:
@@ -132,6 +132,12 @@ class Dispatcher:
     async def _drain(self) -> None:
         tasks = list(self._runs.values())
         for task in tasks:
-            task.cancel()
+            _stop(task)
         if tasks:  # what the database does not take in time is put back at the next start
             await asyncio.wait(tasks, timeout=_DRAIN)
+
+
+def _stop(task: asyncio.Task[None]) -> None:
+    """Cancel once: a second time would interrupt the stopping itself."""
+    if not task.cancelling():
+        task.cancel()

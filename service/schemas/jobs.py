@@ -18,7 +18,7 @@ __all__ = ["Job", "JobList", "JobSummary", "job_to_json", "progress_to_json", "s
 _TIME = "2026-01-31T12:00:00.000000Z"
 _ID = "9f1b0d3c5a7e4c0d8b6a2f4e1c3d5b7a"
 
-Timestamp = Annotated[str, Field(examples=[_TIME], json_schema_extra={"format": "date-time"})]
+Timestamp = Annotated[str, Field(json_schema_extra={"format": "date-time"})]
 
 
 class JobProgress(BaseModel):
@@ -52,9 +52,9 @@ class JobSummary(BaseModel):
         description="The request, with all defaults.", examples=[EXAMPLE]
     )
     error: Problem | None = Field(description="Why it failed.", examples=[None])
-    created_at: Timestamp = Field(description="When it was accepted (UTC).")
-    started_at: Timestamp | None = Field(description="When it was last started.")
-    finished_at: Timestamp | None = Field(description="When it ended.")
+    created_at: Timestamp = Field(description="When it was accepted (UTC).", examples=[_TIME])
+    started_at: Timestamp | None = Field(description="When it was last started.", examples=[_TIME])
+    finished_at: Timestamp | None = Field(description="When it ended.", examples=[_TIME])
     links: Links = Field(
         description="Where to go from here.",
         examples=[{"self": f"/v1/tunings/{_ID}", "events": f"/v1/tunings/{_ID}/events"}],

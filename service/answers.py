@@ -1,0 +1,72 @@
+"""Exceptions as answers: every error leaves the service as a problem."""
+
+from __future__ import annotations
+
+import json
+
+from fastapi import FastAPI, Request, Response
+from fastapi.exceptions import RequestValidationError
+from starlette.exceptions import HTTPException
+
+from service.jobs.store import StoreUnavailableError
+from service.problems import (
+    KINDS,
+    MEDIA_TYPE,
+    BodyTooLargeError,
+    MethodError,
+    NotFoundError,
+    ParameterError,
+    ProblemError,
+    UnavailableError,
+    describe,
+)
+from service.schemas.parsing import Fault
+
+__all__ = ["install", "problem_response"]
+
+_ROUTING: dict[int, type[ProblemError]] = {
+    404: NotFoundError,
+    405: MethodError,
+    413: BodyTooLargeError,
+}
+
+
+def install(app: FastAPI) -> None:
+    """Make `app` answer every error as a problem."""
+    for kind in (
+        *KINDS,
+        RequestValidationError,
+        HTTPException,
+        StoreUnavailableError,
+        Exception,
+    ):
+        app.add_exception_handler(kind, _answer)
+
+
+async def _answer(_request: Request, error: Exception) -> Response:
+    return problem_response(_ours(error))
+
+
+def problem_response(error: Exception) -> Response:
+    """Return the answer for `error`."""
+    document = describe(error)
+    headers = error.headers if isinstance(error, ProblemError) else {}
+    return Response(json.dumps(document), document["status"], headers, media_type=MEDIA_TYPE)
+
+
+def _ours(error: Exception) -> Exception:
+    """Translate the exceptions of framework and database into those of the table."""
+    match error:
+        case HTTPException():
+            kind = _ROUTING.get(error.status_code, UnavailableError)
+            return kind(error.detail, error.headers)
+        case RequestValidationError():
+            faults = tuple(
+                Fault("".join(f"/{part}" for part in item["loc"]), item["msg"])
+                for item in error.errors()
+            )
+            detail = "; ".join(f"{fault.pointer}: {fault.detail}" for fault in faults)
+            return ParameterError(detail, faults=faults)
+        case StoreUnavailableError():
+            return UnavailableError("The database does not answer.", {"Retry-After": "2"})
+    return error

@@ -1,0 +1,58 @@
+"""Robustness analyses over HTTP, by the real solver."""
+
+import httpx
+import pytest
+from samples import ROBUSTNESS, altered
+
+from service.schemas import RobustnessResult
+
+PATH = "/v1/robustness"
+
+
+def test_published_settings_have_their_peak(client: httpx.Client) -> None:
+    """Skogestad, Lundstrom and Hovd (1989): settings rounded there, peak 1.00035 at 0.0314."""
+    response = client.post(PATH, json=ROBUSTNESS)
+    assert response.status_code == 200
+    result = RobustnessResult.model_validate(response.json())
+    assert result.nominally_stable
+    assert result.peaks is not None
+    assert result.peaks.robust_performance.value == pytest.approx(1.0003484, rel=1e-6)
+    assert result.peaks.robust_performance.omega == pytest.approx(0.0314362, rel=1e-3)
+
+
+def test_unstable_loops_have_no_peaks(client: httpx.Client) -> None:
+    """Where the nominal loop is unstable there is no mu: null, not NaN."""
+    request = altered(ROBUSTNESS, "/loops/0/gain", -46.3)
+    result = client.post(PATH, json=request).json()
+    assert result["nominally_stable"] is False
+    assert result["peaks"] is None
+
+
+def test_given_frequencies_are_those_of_the_curves(client: httpx.Client) -> None:
+    """The curves can be had at the caller's frequencies."""
+    request = {**ROBUSTNESS, "omega": [0.01, 0.1, 1.0]}
+    curves = client.post(PATH, json=request).json()["curves"]
+    assert curves["omega"] == [0.01, 0.1, 1.0]
+    assert len(curves["robust_performance"]) == 3
+
+
+@pytest.mark.parametrize(
+    ("pointer", "value", "blamed"),
+    [
+        ("/performance", {}, "/performance/tau_p"),
+        ("/loops", [ROBUSTNESS["loops"][0]], "/loops"),
+        ("/loops/1/gain", 0, "/loops/1/gain"),
+        ("/loops/1/integral_time", 0, "/loops/1/integral_time"),
+        ("/loops/1/kind", "PI", "/loops/1/kind"),
+        ("/omega", [0.0], "/omega/0"),
+        ("/omega", [1.0, 2.0, 2.0], "/omega/2"),
+        ("/omega", [], "/omega"),
+    ],
+)
+def test_fault_is_named_by_its_pointer(
+    client: httpx.Client, pointer: str, value: object, blamed: str
+) -> None:
+    """Bad input is a 422 problem that names the field."""
+    response = client.post(PATH, json=altered(ROBUSTNESS, pointer, value))
+    assert response.status_code == 422
+    assert response.json()["errors"][0]["pointer"] == blamed
