@@ -96,12 +96,17 @@ def solve(factors, y, nu, nu_end, ws):
         return -math.inf
     if top < TINY:
         return math.inf
+    # Without a performance block a common factor of all scales is free: the last one stays.
+    moving = y.size - 1
+    for i in range(factors[3].size):
+        if factors[3][i] > 0.0:
+            moving = y.size
     steps_at_nu = 0
     for _ in range(MAX_ITERATIONS):
         centre = _centre(inverse_levels, top, nu)
         value = _value(inverse_levels, centre, h, nu)
         _derivatives(factors, ws, 1.0 / centre)
-        decrement = _newton_step(ws, nu)
+        decrement = _newton_step(ws, nu, moving)
         if nu <= nu_end and decrement < CENTRED_AT_END:
             break
         drop = decrement < CENTRED and nu > nu_end
@@ -416,21 +421,27 @@ def _inverse_gap(lo, rows, level, ws):
 
 
 @compiled
-def _newton_step(ws, nu):
-    """Newton step in y with the level eliminated; returns the squared decrement."""
+def _newton_step(ws, nu, moving):
+    """Newton step in y with the level eliminated; returns the squared decrement.
+
+    The scales from `moving` on stay as they are.
+    """
     g, H, L, step = ws[10], ws[11], ws[12], ws[13]
     n = g.size - 1
     decrement = 0.0
-    for i in range(n):
+    step[moving:] = 0.0
+    for i in range(moving):
         for k in range(i + 1):
             v = H[i, k] - H[n, i] * H[n, k] / H[n, n]
             if i == k:
-                # A common factor of all scales is free when there is no performance block.
+                # Scales that nothing connects are free; this keeps them where they are.
                 v += 1e-12 * (H[i, i] + 1.0 / nu)
             for m in range(k):
                 v -= L[i, m] * L[k, m]
             if i == k:
-                L[i, i] = math.sqrt(max(v, 1e-13 * H[i, i] + TINY))
+                if not v > 1e-13 * (H[i, i] + 1.0 / nu):
+                    v = H[i, i] + 1.0 / nu  # lost to rounding: a short step along the gradient
+                L[i, i] = math.sqrt(v)
             else:
                 L[i, k] = v / L[k, k]
         v = -g[i]
@@ -438,9 +449,9 @@ def _newton_step(ws, nu):
             v -= L[i, m] * step[m]
         step[i] = v / L[i, i]
         decrement += step[i] * step[i]
-    for i in range(n - 1, -1, -1):
+    for i in range(moving - 1, -1, -1):
         v = step[i]
-        for m in range(i + 1, n):
+        for m in range(i + 1, moving):
             v -= L[m, i] * step[m]
         step[i] = v / L[i, i]
     return decrement
