@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from solver.controllers import Controller
-    from solver.interaction.relative_gain import LowFrequencyGain
     from solver.plants import Plant
 
 __all__ = ["GainInterval", "LoopEffect", "StaticEffect", "loop_effect", "static_effects"]
@@ -99,16 +98,16 @@ class LoopEffect:
     stable_gains: tuple[GainInterval, ...]
 
 
-def static_effects(low: LowFrequencyGain) -> tuple[StaticEffect, ...]:
+def static_effects(gain: NDArray[np.float64]) -> tuple[StaticEffect, ...]:
     """Return the static effect of every loop on every other one.
 
     Parameters
     ----------
-    low : LowFrequencyGain
-        Of a plant without integrators (with them the scaled gains have no common meaning).
+    gain : (n, n)
+        P(0), finite.
 
     """
-    P = low.gain
+    P = gain
     effects = []
     for loop, other in itertools.permutations(range(len(P)), 2):
         determinant = P[loop, loop] * P[other, other] - P[loop, other] * P[other, loop]

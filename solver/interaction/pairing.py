@@ -158,9 +158,9 @@ def rank_pairings(gain: NDArray[np.float64]) -> PairingRanking:
 def rank_parallel_pairings(matrix: ParallelMatrix) -> PairingRanking:
     """Rank the pairings of n > `EXHAUSTIVE_UP_TO` identical units.
 
-    The distance depends only on how many units keep their own input, so by linearity one of
-    "all" and "none" is best; among "none" the parity decides the sign of the index. So three
-    candidates stand for all n! pairings.
+    The distance is linear in the number of units that keep their own input, and the parity of
+    the permutation decides the sign of the index. So the best pairing is one of four: all keep
+    their own, all but two that swap (the other parity), or none, with either parity.
 
     Parameters
     ----------
@@ -169,23 +169,28 @@ def rank_parallel_pairings(matrix: ParallelMatrix) -> PairingRanking:
 
     """
     n = matrix.n
-    own = tuple(range(n))
-    shifted = (*range(1, n), 0)  # one cycle of n
-    split = (1, 0, *range(3, n), 2)  # a swap and a cycle of n - 2: the other parity
+    own, other = float(np.real(matrix.own)), float(np.real(matrix.other))
+    own_relative_gain = float(np.real(matrix.own_relative_gain))
+    other_relative_gain = float(np.real(matrix.other_relative_gain))
     determinant = matrix.log_determinant
+    cycle = -1.0 if n % 2 == 0 else 1.0  # parity of a cycle of n
+    candidates = (
+        (np.arange(n), 1.0),
+        (np.array([1, 0, *range(2, n)]), -1.0),
+        (np.array([*range(1, n), 0]), cycle),
+        (np.array([1, 0, *range(3, n), 2]), -cycle),
+    )
     pairings = []
-    for inputs, gain, relative_gain, parity in (
-        (own, matrix.own, matrix.own_relative_gain, 1.0),
-        (shifted, matrix.other, matrix.other_relative_gain, -1.0 if n % 2 == 0 else 1.0),
-        (split, matrix.other, matrix.other_relative_gain, 1.0 if n % 2 == 0 else -1.0),
-    ):
-        value = float(np.real(gain))
-        sign = float(np.real(determinant.phase)) * parity * float(np.sign(value)) ** n
-        log_product = n * math.log(abs(value)) if value else -math.inf
-        relative_gains = np.full(n, float(np.real(relative_gain)))
+    for inputs, parity in candidates:
+        kept = inputs == np.arange(n)
+        gains = np.where(kept, own, other)
+        relative_gains = np.where(kept, own_relative_gain, other_relative_gain)
+        sign = float(np.real(determinant.phase)) * parity * float(np.prod(np.sign(gains)))
+        with np.errstate(divide="ignore"):
+            log_product = float(np.sum(np.log(np.abs(gains))))
         pairings.append(
             _pairing(
-                inputs,
+                tuple(int(c) for c in inputs),
                 relative_gains,
                 _index(float(np.sign(sign)), determinant.log_magnitude - log_product),
                 float(_distance(relative_gains).sum()),

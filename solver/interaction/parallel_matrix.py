@@ -17,7 +17,7 @@ from solver.errors import InvalidInputError
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["LogDeterminant", "ParallelMatrix"]
+__all__ = ["LogDeterminant", "ParallelMatrix", "relative_gains_over_frequency"]
 
 
 @dataclass(frozen=True)
@@ -156,3 +156,24 @@ class ParallelMatrix:
         if self.is_singular:
             message = "the parallel matrix is singular: its units cannot be controlled one by one"
             raise InvalidInputError(message)
+
+
+def relative_gains_over_frequency(
+    n: int, own: NDArray[np.complex128], other: NDArray[np.complex128]
+) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    """Return own and other relative gains at frequencies, each (k,); NaN where singular.
+
+    Parameters
+    ----------
+    n : int
+        Number of units, > 1.
+    own, other : (k,) complex
+        g and i at the frequencies. Source: SLH eqs. 13 and 14.
+
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        scale = 1 / (own + (n - 1) * other) / (own - other)
+        gains = own * (own + (n - 2) * other) * scale, -other * other * scale
+    finite = np.isfinite(gains[0])
+    missing = complex(np.nan, np.nan)
+    return np.where(finite, gains[0], missing), np.where(finite, gains[1], missing)

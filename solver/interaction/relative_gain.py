@@ -14,11 +14,12 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from solver.errors import InvalidInputError
+from solver.interaction.parallel_matrix import ParallelMatrix
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from solver.plants import Plant
+    from solver.plants import ParallelPlant, Plant
     from solver.transfer_function import TransferFunction
 
 __all__ = [
@@ -26,6 +27,7 @@ __all__ = [
     "LowFrequencyGain",
     "is_singular",
     "low_frequency_gain",
+    "parallel_low_frequency_gain",
     "relative_gain_array",
     "relative_gain_at",
 ]
@@ -42,9 +44,10 @@ class GainStatus(StrEnum):
 
     REGULAR: P(0) is finite and not singular.
     INTEGRATING: some elements integrate; the array is the limit for s -> 0.
-    SINGULAR: the outputs cannot be moved independently at steady state, so the array does not
-    exist and integral control of all outputs is impossible. Try (a) other actuators or
-    measurements, (b) dropping one loop of the dependent ones.
+    SINGULAR: the gain (of an integrating plant: its leading terms) is singular, so the array
+    does not exist; relative gains grow without bound as s goes to zero. A stable plant cannot
+    have integral control of all outputs then. Try (a) other actuators or measurements, (b)
+    dropping one of the dependent loops.
     """
 
     REGULAR = "regular"
@@ -168,6 +171,34 @@ def low_frequency_gain(plant: Plant) -> LowFrequencyGain:
     scaled = np.where(orders == rows[:, None] + columns[None, :], coefficients, 0.0)
     status = GainStatus.SINGULAR if is_singular(scaled) else GainStatus.INTEGRATING
     return LowFrequencyGain(status, scaled, rows, columns)
+
+
+def parallel_low_frequency_gain(plant: ParallelPlant) -> tuple[GainStatus, ParallelMatrix]:
+    """Return the leading behaviour of n identical units as s -> 0, any n.
+
+    Parameters
+    ----------
+    plant : ParallelPlant
+        Any; of n = 1 the interaction does not matter.
+
+    Returns
+    -------
+    GainStatus, ParallelMatrix
+        The matrix holds the coefficients of the lowest power of s in the plant.
+
+    """
+    terms = [_leading_term(element) for element in plant.elements]
+    order = min(power for power, coefficient in terms if coefficient)
+    own, *rest = [coefficient if power == order else 0.0 for power, coefficient in terms]
+    matrix = ParallelMatrix(plant.n, own, rest[0] if rest else 0.0)
+    size = abs(matrix.own) + (plant.n - 1) * abs(matrix.other)
+    singular = abs(matrix.sum_eigenvalue) * SINGULAR_CONDITION <= size
+    if plant.n > 1:
+        size = abs(matrix.own) + abs(matrix.other)
+        singular |= abs(matrix.difference_eigenvalue) * SINGULAR_CONDITION <= size
+    if order > 0 or singular:
+        return GainStatus.SINGULAR, matrix
+    return (GainStatus.INTEGRATING if order < 0 else GainStatus.REGULAR), matrix
 
 
 def _leading_term(element: TransferFunction) -> tuple[int, float]:

@@ -8,7 +8,7 @@ import pytest
 from solver.controllers import Controller
 from solver.errors import InvalidInputError, UnsupportedPlantError
 from solver.interaction.loop_effect import loop_effect, static_effects
-from solver.interaction.relative_gain import low_frequency_gain, relative_gain_array
+from solver.interaction.relative_gain import relative_gain_array
 from solver.plants import MatrixPlant, first_order
 from solver.transfer_function import TransferFunction
 
@@ -28,7 +28,7 @@ def test_example_11_1_static_gain() -> None:
     effect = loop_effect(EXAMPLE, 0, 1, gains)
     expected = [(1 - k) / (1 + k) for k in gains]
     np.testing.assert_allclose(effect.static_gains, expected, atol=1e-15)
-    (first, _) = static_effects(low_frequency_gain(EXAMPLE))
+    (first, _) = static_effects(EXAMPLE.static_gain())
     assert first.reversal_gain == pytest.approx(1)
     assert first.closed_gain == pytest.approx(-1)
 
@@ -62,7 +62,7 @@ def test_example_11_2_stays_stable() -> None:
     np.testing.assert_allclose(effect.static_gains, [(2 + k) / (1 + k) for k in gains])
     assert all(effect.stable)
     assert [(i.low, i.high) for i in effect.stable_gains] == [(0, math.inf)]
-    assert static_effects(low_frequency_gain(SWAPPED))[0].reversal_gain is None
+    assert static_effects(SWAPPED.static_gain())[0].reversal_gain is None
 
 
 def test_open_loop_has_the_poles_of_the_other_loop() -> None:
@@ -81,7 +81,7 @@ def test_processes_of_negative_gain_take_negative_gains() -> None:
     )
     (interval,) = loop_effect(turned, 0, 1, [-0.8], PI).stable_gains
     assert (interval.low, interval.high) == (pytest.approx(-1), 0)
-    assert static_effects(low_frequency_gain(turned))[0].reversal_gain == pytest.approx(-1)
+    assert static_effects(turned.static_gain())[0].reversal_gain == pytest.approx(-1)
 
 
 def test_rosenbrock_zero_limits_the_gain() -> None:
@@ -142,7 +142,7 @@ def test_closed_gain_is_open_gain_over_relative_gain() -> None:
     """For 2 x 2 the limit is the definition of the relative gain."""
     plant = first_order(2, 3, 10, 0.6)
     gains = relative_gain_array(plant.static_gain())
-    for effect in static_effects(low_frequency_gain(plant)):
+    for effect in static_effects(plant.static_gain()):
         assert effect.closed_gain == pytest.approx(3 / gains[0, 0])
         assert effect.reversal_gain is None
 

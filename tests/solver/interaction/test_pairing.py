@@ -112,18 +112,29 @@ def test_parallel_units_keep_their_own_inputs(a: float) -> None:
 
 
 @pytest.mark.parametrize("n", [9, 10])
-@pytest.mark.parametrize("other", [1.5, -1.5, 7.0])
+@pytest.mark.parametrize("other", [1.5, -1.5, 7.0, -0.3])
 def test_parallel_candidates_agree_with_the_dense_matrix(n: int, other: float) -> None:
-    """The three patterns carry the index of the permuted dense gain and its relative gains."""
+    """The four patterns carry the index of the permuted dense gain and its relative gains."""
     matrix = ParallelMatrix(n, 1.0, other)
     dense = np.asarray(matrix.dense(), dtype=float)
     ranking = rank_parallel_pairings(matrix)
-    assert {p.inputs[:2] for p in ranking.pairings} == {(0, 1), (1, 2), (1, 0)}
+    assert len({p.inputs for p in ranking.pairings}) == 4
     for pairing in ranking.pairings:
         permuted = dense[:, pairing.inputs]
         assert pairing.niederlinski_index == pytest.approx(niederlinski_index(permuted), rel=1e-9)
         expected = np.diag(permuted * np.linalg.inv(permuted).T)
         np.testing.assert_allclose(pairing.relative_gains, expected, rtol=1e-9)
+
+
+@pytest.mark.parametrize("n", [4, 5, 6])
+@pytest.mark.parametrize("other", [0.5, 1.5, -1.5, 7.0, -0.3])
+def test_four_candidates_stand_for_all_pairings(n: int, other: float) -> None:
+    """The best of the four is as good as the best of all n!."""
+    matrix = ParallelMatrix(n, 1.0, other)
+    few = rank_parallel_pairings(matrix).pairings[0]
+    every = rank_pairings(np.asarray(matrix.dense(), dtype=float)).pairings[0]
+    assert few.admissible is every.admissible
+    assert few.distance == pytest.approx(every.distance, rel=1e-9)
 
 
 def test_ten_thousand_units_do_not_overflow() -> None:
