@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import traceback
 from collections.abc import Callable
 from enum import IntEnum
 from functools import wraps
@@ -79,6 +80,13 @@ def reported(command: Callable[_Parameters, ExitCode]) -> Callable[_Parameters, 
         except KeyboardInterrupt:
             say("Interrupted.")
             return ExitCode.INTERRUPTED
+        except Exception as error:  # noqa: BLE001 - a user gets a line to report, not a traceback
+            where = traceback.extract_tb(error.__traceback__)[-1]
+            say(
+                f"error: a fault of mutune itself: {type(error).__name__}: {error} "
+                f"({Path(where.filename).name}:{where.lineno}); please report it with the request"
+            )
+            return ExitCode.FAILED
         return ExitCode.BAD_INPUT
 
     return run

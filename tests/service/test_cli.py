@@ -130,6 +130,22 @@ def test_interrupted_tuning_exits_with_130(monkeypatch: pytest.MonkeyPatch) -> N
     assert (result.exit_code, result.stdout, result.stderr) == (130, "", "Interrupted.\n")
 
 
+def test_fault_of_the_solver_is_one_line_to_report(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What nobody foresaw exits with 1 and says what and where, without a traceback."""
+
+    def tune(_specification: object, _progress: object) -> None:
+        message = "the matrix is singular"
+        raise ArithmeticError(message)
+
+    monkeypatch.setattr(solver.tuning, "tune", tune)
+    result = mutune("tune", "-", request=TUNING)
+    assert result.exit_code == 1
+    assert re.fullmatch(
+        r"error: .* ArithmeticError: the matrix is singular \(test_cli.py:\d+\); .*\n",
+        result.stderr,
+    )
+
+
 @pytest.mark.parametrize(
     ("request_", "pointer"),
     [
