@@ -8,7 +8,7 @@ from fastapi import FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
 from starlette.exceptions import HTTPException
 
-from service.jobs.store import StoreUnavailableError
+from service.jobs.transactions import StoreUnavailableError
 from service.problems import (
     KINDS,
     MEDIA_TYPE,

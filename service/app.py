@@ -9,19 +9,27 @@ from contextlib import AsyncExitStack, asynccontextmanager
 from importlib.metadata import version
 from typing import Any
 
-from fastapi import FastAPI
+from fastapi import Depends, FastAPI
+from fastapi.middleware.cors import CORSMiddleware
 
 import service.openapi
 from service import answers, docs_page
+from service.access import RateLimiter, authenticate
 from service.analyses import Analyses
 from service.jobs import database
 from service.jobs.dispatcher import Dispatcher
 from service.jobs.engine import Engine
+from service.jobs.leadership import lead
+from service.jobs.queue import Queue
+from service.jobs.retention import expire
 from service.jobs.store import Store
+from service.jobs.transactions import Transactions
 from service.jobs.watch import Watcher
+from service.keys import KeyFile
 from service.metrics import Metrics
-from service.middleware import Observed, SecurityHeaders
-from service.routes import health, robustness, tunings
+from service.middleware import Compressed, Observed, SecurityHeaders
+from service.routes import batches, health, robustness, tunings
+from service.routes.common import problems
 from service.settings import Settings
 
 __all__ = ["create_app"]
@@ -35,8 +43,13 @@ Errors are RFC 9457 problems that name faulty values by JSON pointer.
 _TAGS = [
     {"name": "tunings", "description": "Find loop settings: jobs with progress and result."},
     {"name": "analyses", "description": "Answers within the request."},
+    {"name": "examples", "description": "Requests to start from."},
     {"name": "operations", "description": "For whoever runs the service."},
 ]
+
+# Resources that need an API key, where the service has keys, and those that never do.
+_FOR_CALLERS = (tunings, batches, robustness)
+_FOR_EVERYBODY = (health,)
 
 
 def create_app(settings: Settings | None = None) -> FastAPI:
@@ -62,7 +75,16 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.state.settings = settings or Settings()
     app.state.metrics = Metrics()
     answers.install(app)
-    for module in (tunings, robustness, health):
+    keys = app.state.settings.api_keys_file
+    app.state.keys = None if keys is None else KeyFile(keys)
+    app.state.limiter = RateLimiter(app.state.settings.requests_per_minute)
+    for module in _FOR_CALLERS:
+        app.include_router(
+            module.router,
+            dependencies=[Depends(authenticate)],
+            responses=problems(401, 403, 429),
+        )
+    for module in _FOR_EVERYBODY:
         app.include_router(module.router)
     docs_page.install(app)
 
@@ -72,6 +94,15 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         return app.openapi_schema
 
     app.openapi = openapi  # type: ignore[method-assign]  # FastAPI's way to extend the document
+    if app.state.settings.cors_origins:
+        app.add_middleware(
+            CORSMiddleware,
+            allow_origins=app.state.settings.cors_origins,
+            allow_methods=["GET", "POST", "DELETE"],
+            allow_headers=["Authorization", "Content-Type", "Idempotency-Key", "Prefer"],
+            expose_headers=["Location", "Retry-After", "X-Request-Id"],
+        )
+    app.add_middleware(Compressed)
     app.add_middleware(SecurityHeaders)
     app.add_middleware(Observed, metrics=app.state.metrics)
     return app
@@ -86,7 +117,9 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
         stack.callback(connections.dispose)
         await asyncio.to_thread(database.migrate, connections)
 
-        store = app.state.store = Store(connections)
+        transactions = Transactions(connections)
+        store = app.state.store = Store(transactions, settings.max_queued)
+        queue = Queue(transactions)
         watcher = app.state.watcher = Watcher(store)
         app.state.analyses = Analyses(settings.analysis_processes, settings.analysis_time_limit)
         stack.push_async_callback(app.state.analyses.close)
@@ -95,11 +128,14 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
             app.state.dispatcher.wake()
 
         engine = app.state.engine = Engine(settings.scheduler, settings.workers, wake)
-        app.state.dispatcher = Dispatcher(store, engine, settings.max_attempts, watcher.poke)
+        dispatcher = app.state.dispatcher = Dispatcher(
+            queue, engine, settings.max_attempts, watcher.poke, app.state.metrics.observe_job
+        )
         await engine.start()
         stack.push_async_callback(engine.close)
-        for work in (watcher.run, app.state.dispatcher.run):
-            await stack.enter_async_context(_background(work()))
+        await stack.enter_async_context(_background(watcher.run()))
+        await stack.enter_async_context(_background(lead(connections, dispatcher.run)))
+        await stack.enter_async_context(_background(expire(queue, settings.retention_days)))
         yield
 
 

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import json
+
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, generate_latest
 
-from service.jobs.records import JobStatus
+from service.jobs.records import Claim, JobStatus, Outcome
 
 __all__ = ["Metrics"]
 
+_UNITS = (1, 2, 5, 10, 100, 1000)
+_DURATION = (0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 30.0, 60.0, 300.0, 3600.0)
 _LATENCY = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.06, 0.1, 0.25, 1.0, 2.5, 10.0, 60.0)
 
 
@@ -31,12 +35,33 @@ class Metrics:
             registry=self.registry,
         )
         self._ended = Counter(
-            "mutune_jobs_ended", "Jobs that ended here.", ("status",), registry=self.registry
+            "mutune_jobs_ended",
+            "Jobs that this process has seen end.",
+            ("status", "reason"),
+            registry=self.registry,
+        )
+        self._durations = Histogram(
+            "mutune_job_seconds",
+            "Time from the start of a job to its end.",
+            ("objective", "units"),
+            buckets=_DURATION,
+            registry=self.registry,
         )
 
     def observe_request(self, method: str, route: str, status: int, seconds: float) -> None:
         """Note an answered request."""
         self._latency.labels(method, route, status).observe(seconds)
+
+    def observe_job(self, claim: Claim, outcome: Outcome, seconds: float) -> None:
+        """Note a job that ended."""
+        request = json.loads(claim.request)
+        plant = request["plant"]
+        units = plant["n"] if "n" in plant else len(plant["elements"])
+        bound = next((bound for bound in _UNITS if units <= bound), None)
+        label = "more" if bound is None else f"up to {bound}"
+        reason = "" if outcome.error is None else json.loads(outcome.error)["type"]
+        self._durations.labels(request["objective"], label).observe(seconds)
+        self._ended.labels(outcome.status, reason).inc()
 
     def render(self, counts: dict[JobStatus, int], workers: int, refused: int) -> bytes:
         """Return the metrics in Prometheus's text format."""

@@ -7,14 +7,16 @@ import time
 import uuid
 
 import structlog
+from starlette.middleware.gzip import GZipMiddleware
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service.metrics import Metrics
 
-__all__ = ["Observed", "SecurityHeaders"]
+__all__ = ["Compressed", "Observed", "SecurityHeaders"]
 
 logger = structlog.get_logger("mutune.http")
 
+_TRACE = re.compile(r"[0-9a-f]{2}-([0-9a-f]{32})-[0-9a-f]{16}-[0-9a-f]{2}")
 _REQUEST_ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
 
 
@@ -62,8 +64,25 @@ class Observed:
 
 
 def _request_id(scope: Scope) -> str:
-    given = dict(scope["headers"]).get(b"x-request-id", b"").decode("latin-1")
+    headers = dict(scope["headers"])
+    # The trace id of W3C Trace Context, where the caller's side is traced.
+    if trace := _TRACE.fullmatch(headers.get(b"traceparent", b"").decode("latin-1")):
+        return trace[1]
+    given = headers.get(b"x-request-id", b"").decode("latin-1")
     return given if _REQUEST_ID.fullmatch(given) else uuid.uuid4().hex
+
+
+class Compressed:
+    """Compress answers, except the streams that a client reads line by line as they come."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._plain = app
+        self._gzip = GZipMiddleware(app, minimum_size=1000, compresslevel=4)
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Serve one request."""
+        is_stream = scope["type"] == "http" and scope["path"].endswith(("/events", "/results"))
+        await (self._plain if is_stream else self._gzip)(scope, receive, send)
 
 
 _HEADERS = [

@@ -15,14 +15,18 @@ __all__ = [
     "MEDIA_TYPE",
     "AnalysisTimeoutError",
     "BodyTooLargeError",
+    "CancelledError",
     "ConflictError",
+    "ForbiddenError",
     "MediaTypeError",
     "MethodError",
     "NotFoundError",
     "ParameterError",
     "Problem",
     "ProblemError",
+    "RateError",
     "TimeLimitError",
+    "UnauthorizedError",
     "UnavailableError",
     "WorkerDiedError",
     "describe",
@@ -102,6 +106,18 @@ class MediaTypeError(ProblemError):
     """The request body is of a kind that the operation does not read."""
 
 
+class UnauthorizedError(ProblemError):
+    """The request carries no valid API key."""
+
+
+class ForbiddenError(ProblemError):
+    """The API key does not permit this."""
+
+
+class RateError(ProblemError):
+    """The caller asks too often, or has too much in the queue."""
+
+
 class NotFoundError(ProblemError):
     """There is no such resource, or it is another key's."""
 
@@ -116,6 +132,10 @@ class ConflictError(ProblemError):
 
 class AnalysisTimeoutError(ProblemError):
     """An analysis exceeded its time limit."""
+
+
+class CancelledError(ProblemError):
+    """An item of a batch was cancelled."""
 
 
 class TimeLimitError(ProblemError):
@@ -148,10 +168,14 @@ KINDS: dict[type[Exception], Kind] = {
     InvalidInputError: Kind(422, "invalid-input", "The mathematics cannot accept a value"),
     BodyTooLargeError: Kind(413, "body-too-large", "The body is too large"),
     MediaTypeError: Kind(415, "media-type", "The body must be JSON"),
+    UnauthorizedError: Kind(401, "unauthorized", "An API key is needed"),
+    ForbiddenError: Kind(403, "forbidden", "The API key does not permit this"),
+    RateError: Kind(429, "too-many", "Too many requests"),
     NotFoundError: Kind(404, "not-found", "Not found"),
     MethodError: Kind(405, "method", "The resource does not have this method"),
     ConflictError: Kind(409, "conflict", "Conflict"),
     AnalysisTimeoutError: Kind(503, "analysis-timeout", "The analysis took too long"),
+    CancelledError: Kind(409, "cancelled", "The tuning was cancelled"),
     TimeLimitError: Kind(503, "time-limit", "The time limit is over"),
     WorkerDiedError: Kind(500, "worker-died", "The job kills its worker"),
     UnavailableError: Kind(503, "unavailable", "Not available now"),

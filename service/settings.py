@@ -53,6 +53,26 @@ class Settings(BaseSettings):
     max_body_bytes: int = Field(
         default=1_000_000, ge=1, description="Largest request body, batches excepted."
     )
+    max_batch_bytes: int = Field(default=64_000_000, ge=1, description="Largest body of a batch.")
+    max_batch_items: int = Field(default=10_000, ge=1, description="Tunings in a batch.")
+    max_queued: int = Field(
+        default=100_000, ge=1, description="Jobs that one caller may have in the queue."
+    )
+    max_time_limit: float = Field(
+        default=3600.0, gt=0, description="Longest time limit of a job, seconds."
+    )
+    requests_per_minute: int = Field(
+        default=6000, ge=1, description="Requests that one API key may make."
+    )
+    retention_days: float = Field(
+        default=30.0, gt=0, description="Days that a finished job is kept."
+    )
+    api_keys_file: Path | None = Field(
+        default=None, description="File of API keys; unset: no keys, for loopback only."
+    )
+    cors_origins: tuple[str, ...] = Field(
+        default=(), description="Origins whose pages may call; JSON list. Default: none."
+    )
     max_wait: float = Field(
         default=60.0, gt=0, description="Longest wait that `Prefer: wait=N` gets, seconds."
     )

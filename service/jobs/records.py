@@ -3,9 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import StrEnum
+from enum import IntEnum, StrEnum
 
-__all__ = ["FINAL", "Claim", "Job", "JobStatus", "NewJob", "Outcome", "Snapshot"]
+__all__ = [
+    "FINAL",
+    "UNFINISHED",
+    "Batch",
+    "BatchItem",
+    "Claim",
+    "Job",
+    "JobStatus",
+    "NewJob",
+    "Outcome",
+    "Priority",
+    "Snapshot",
+]
 
 
 class JobStatus(StrEnum):
@@ -22,7 +34,15 @@ class JobStatus(StrEnum):
     TIMED_OUT = "timed_out"
 
 
+class Priority(IntEnum):
+    """Turn in the queue: the lower goes first."""
+
+    INTERACTIVE = 0
+    BATCH = 10
+
+
 FINAL = frozenset({JobStatus.SUCCEEDED, JobStatus.FAILED, JobStatus.CANCELLED, JobStatus.TIMED_OUT})
+UNFINISHED = frozenset(JobStatus) - FINAL
 
 
 @dataclass(frozen=True)
@@ -65,6 +85,7 @@ class Claim:
     request: str
     time_limit: float
     attempts: int
+    priority: Priority = Priority.BATCH
 
 
 @dataclass(frozen=True)
@@ -74,3 +95,27 @@ class Outcome:
     status: JobStatus
     result: str | None = None
     error: str | None = None
+
+
+@dataclass(frozen=True)
+class Batch:
+    """A batch: number of items, and of items whose job is in each state."""
+
+    id: str
+    count: int
+    created_at: float
+    states: dict[JobStatus, int]
+
+    @property
+    def finished(self) -> bool:
+        """Whether every item has ended."""
+        return sum(self.states.get(status, 0) for status in FINAL) == self.count
+
+
+@dataclass(frozen=True)
+class BatchItem:
+    """An item of a batch: its position, its job, and how that ended, where it has."""
+
+    position: int
+    job_id: str
+    outcome: Outcome

@@ -8,7 +8,8 @@ from collections.abc import AsyncIterator, Iterator
 from contextlib import contextmanager
 
 from service.jobs.records import FINAL, Snapshot
-from service.jobs.store import Store, StoreUnavailableError
+from service.jobs.store import Store
+from service.jobs.transactions import StoreUnavailableError
 
 __all__ = ["Watcher"]
 

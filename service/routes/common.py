@@ -26,10 +26,13 @@ _Model = TypeVar("_Model", bound=BaseModel)
 _REASONS = {
     400: "The body is not JSON.",
     404: "There is no such resource.",
+    401: "A valid API key is needed.",
+    403: "The API key does not permit this.",
     409: "The request contradicts an earlier one.",
     413: "The body is too large.",
     415: "The body is not declared as JSON.",
     422: "A value is not valid; `errors` names it.",
+    429: "Too many requests, or too much in the queue; see Retry-After.",
     503: "Not available now; try again after the time in Retry-After.",
 }
 BODY_PROBLEMS = (400, 413, 415, 422)

@@ -9,7 +9,7 @@ from fastapi import APIRouter, Request, Response
 from prometheus_client import CONTENT_TYPE_LATEST
 from pydantic import BaseModel, Field
 
-from service.jobs.store import StoreUnavailableError
+from service.jobs.transactions import StoreUnavailableError
 from service.routes.common import described, json_response, problems
 
 __all__ = ["router"]

@@ -6,22 +6,25 @@ import asyncio
 import json
 import re
 from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from typing import Annotated
 
 from fastapi import APIRouter, Header, Path, Query, Request, Response
 from fastapi.responses import StreamingResponse
 
 from service import bodies
+from service.access import owner
 from service.jobs.records import FINAL, Job, JobStatus, NewJob
-from service.jobs.store import IdempotencyConflictError, Store
+from service.jobs.store import IdempotencyConflictError, QueueFullError, Store
 from service.jobs.watch import Watcher
-from service.problems import ConflictError, NotFoundError
+from service.problems import ConflictError, NotFoundError, RateError
 from service.routes.common import BODY_PROBLEMS, described, json_response, problems
 from service.schemas import TuningRequest, canonical
 from service.schemas.jobs import Job as JobModel
 from service.schemas.jobs import JobList, job_to_json, progress_to_json, summary_to_dict
+from solver.errors import InvalidInputError
 
-__all__ = ["router"]
+__all__ = ["IdempotencyKey", "accepting", "new_job", "router"]
 
 router = APIRouter(prefix="/v1/tunings", tags=["tunings"])
 
@@ -69,7 +72,7 @@ def _store(request: Request) -> Store:
     responses={
         200: described(JobModel, "The job has ended (with `Prefer: wait=N`)."),
         202: {**described(JobModel, "The job is accepted and durable."), "headers": _LOCATION},
-        **problems(*BODY_PROBLEMS, 409, 503),
+        **problems(*BODY_PROBLEMS, 409, 429, 503),
     },
     openapi_extra=bodies.described_body(TuningRequest),
 )
@@ -77,23 +80,48 @@ async def post_tuning(
     request: Request, idempotency_key: IdempotencyKey = None, prefer: Prefer = None
 ) -> Response:
     """Accept a tuning as a job."""
-    body = await bodies.read(request, TuningRequest)
-    body.build()
-    new = NewJob(canonical(body), body.search.time_limit)
-    try:
-        job = await asyncio.to_thread(_store(request).submit, "", new, idempotency_key)
-    except IdempotencyConflictError:
-        message = "This Idempotency-Key was used with another request."
-        raise ConflictError(message) from None
+    settings = request.app.state.settings
+    new = new_job(await bodies.read(request, TuningRequest), settings.max_time_limit)
+    async with accepting():
+        job = await asyncio.to_thread(_store(request).submit, owner(request), new, idempotency_key)
     request.app.state.dispatcher.wake()
     headers = {"Location": f"/v1/tunings/{job.id}"}
-    seconds = _preferred_wait(prefer, request.app.state.settings.max_wait)
+    seconds = _preferred_wait(prefer, settings.max_wait)
     if seconds is not None:
         await request.app.state.watcher.wait(job.id, seconds)
         job = await _get(request, job.id)
         headers["Preference-Applied"] = f"wait={seconds:g}"
     status = 200 if job.snapshot.status in FINAL else 202
     return json_response(job_to_json(job), status, headers)
+
+
+def new_job(body: TuningRequest, longest: float) -> NewJob:
+    """Return the job that `body` asks for.
+
+    Raises
+    ------
+    InvalidInputError
+        A value that the mathematics cannot accept, or a time limit above `longest` seconds.
+
+    """
+    body.build()
+    if body.search.time_limit > longest:
+        message = f"this service computes for at most {longest:g} s"
+        raise InvalidInputError(message, "/search/time_limit")
+    return NewJob(canonical(body), body.search.time_limit)
+
+
+@asynccontextmanager
+async def accepting() -> AsyncIterator[None]:
+    """Answer what can prevent that a job is accepted."""
+    try:
+        yield
+    except IdempotencyConflictError:
+        message = "This Idempotency-Key was used with another request."
+        raise ConflictError(message) from None
+    except QueueFullError:
+        message = "Too many of your tunings wait in the queue; come back when some have ended."
+        raise RateError(message, {"Retry-After": "30"}) from None
 
 
 def _preferred_wait(prefer: str | None, longest: float) -> float | None:
@@ -120,7 +148,7 @@ async def list_tunings(
 ) -> Response:
     """Return a page of jobs, without their results."""
     jobs = await asyncio.to_thread(
-        _store(request).page, "", below=cursor, limit=limit + 1, status=status
+        _store(request).page, owner(request), below=cursor, limit=limit + 1, status=status
     )
     more = len(jobs) > limit
     jobs = jobs[:limit]
@@ -136,7 +164,7 @@ async def list_tunings(
 
 async def _get(request: Request, job_id: str) -> Job:
     try:
-        return await asyncio.to_thread(_store(request).get, "", job_id)
+        return await asyncio.to_thread(_store(request).get, owner(request), job_id)
     except KeyError:
         message = f"There is no tuning {job_id}."
         raise NotFoundError(message) from None
@@ -145,11 +173,28 @@ async def _get(request: Request, job_id: str) -> Job:
 @router.get(
     "/{job_id}",
     summary="Look at a tuning",
-    responses={200: described(JobModel, "The job."), **problems(404, 422, 503)},
+    responses={
+        200: described(JobModel, "The job."),
+        304: {"description": "The job has ended and is the one that the caller knows."},
+        **problems(404, 422, 503),
+    },
 )
-async def get_tuning(request: Request, job_id: JobId) -> Response:
-    """Return a job, with its result once it has one."""
-    return json_response(job_to_json(await _get(request, job_id)))
+async def get_tuning(
+    request: Request,
+    job_id: JobId,
+    if_none_match: Annotated[
+        str | None, Header(description="ETag of the ended job that the caller knows.")
+    ] = None,
+) -> Response:
+    """Return a job, with its result once it has one; an ended job never changes again."""
+    job = await _get(request, job_id)
+    if job.snapshot.status not in FINAL:
+        return json_response(job_to_json(job), headers={"Cache-Control": "no-store"})
+    # Weak: the bytes differ where they are compressed.
+    headers = {"ETag": f'W/"{job.id}"', "Cache-Control": "private, no-cache"}
+    if if_none_match is not None and job.id in if_none_match:
+        return Response(status_code=304, headers=headers)
+    return json_response(job_to_json(job), headers=headers)
 
 
 @router.delete(
@@ -165,7 +210,7 @@ async def get_tuning(request: Request, job_id: JobId) -> Response:
 async def delete_tuning(request: Request, job_id: JobId) -> Response:
     """Cancel a job; one that has ended stays as it is."""
     try:
-        job = await asyncio.to_thread(_store(request).cancel, "", job_id)
+        job = await asyncio.to_thread(_store(request).cancel, owner(request), job_id)
     except KeyError:
         message = f"There is no tuning {job_id}."
         raise NotFoundError(message) from None

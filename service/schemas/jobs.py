@@ -13,7 +13,16 @@ from service.jobs.records import Snapshot
 from service.problems import Problem
 from service.schemas.tunings import EXAMPLE, TuningRequest, TuningResult
 
-__all__ = ["Job", "JobList", "JobSummary", "job_to_json", "progress_to_json", "summary_to_dict"]
+__all__ = [
+    "Job",
+    "JobList",
+    "JobSummary",
+    "Timestamp",
+    "job_to_json",
+    "progress_to_json",
+    "summary_to_dict",
+    "timestamp",
+]
 
 _TIME = "2026-01-31T12:00:00.000000Z"
 _ID = "9f1b0d3c5a7e4c0d8b6a2f4e1c3d5b7a"
@@ -88,9 +97,9 @@ def summary_to_dict(job: JobRecord) -> dict[str, Any]:
         "progress": {"fraction": job.snapshot.fraction, "best": job.snapshot.best},
         "request": json.loads(job.request),
         "error": None if job.error is None else json.loads(job.error),
-        "created_at": _timestamp(job.created_at),
-        "started_at": _timestamp(job.started_at),
-        "finished_at": _timestamp(job.finished_at),
+        "created_at": timestamp(job.created_at),
+        "started_at": timestamp(job.started_at),
+        "finished_at": timestamp(job.finished_at),
         "links": {"self": path, "events": f"{path}/events"},
     }
 
@@ -112,7 +121,8 @@ def progress_to_json(snapshot: Snapshot) -> str:
     )
 
 
-def _timestamp(seconds: float | None) -> str | None:
+def timestamp(seconds: float | None) -> str | None:
+    """Return a time in the form of RFC 3339."""
     if seconds is None:
         return None
     moment = datetime.fromtimestamp(seconds, UTC)

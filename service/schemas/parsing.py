@@ -48,6 +48,11 @@ class RequestError(Exception):
         self.faults = faults
         self.is_json = is_json
 
+    def within(self, prefix: str) -> RequestError:
+        """Return the same error with its pointers below `prefix`."""
+        faults = tuple(Fault(prefix + fault.pointer, fault.detail) for fault in self.faults)
+        return RequestError(faults, is_json=self.is_json)
+
 
 def parse(model: type[_Model], text: bytes | str) -> _Model:
     """Return the request of kind `model` that the JSON `text` holds.

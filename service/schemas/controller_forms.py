@@ -1,0 +1,114 @@
+"""Controllers in the forms that control systems ask for, as JSON."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field, JsonValue
+
+from service.schemas.controllers import Loop
+from service.schemas.encoding import encode
+from service.schemas.fields import RequestModel, below
+from solver.controllers import Controller
+from solver.errors import InvalidInputError
+from solver.plants import MAX_UNITS
+
+__all__ = ["ControllerFormsRequest", "ControllerFormsResult", "controller_forms_to_json"]
+
+_LOOPS: JsonValue = [
+    {"gain": 46.3, "integral_time": 101.0, "derivative_time": None},
+    {"gain": 22.8, "integral_time": 3.15, "derivative_time": None},
+]
+
+
+class ControllerFormsRequest(RequestModel):
+    """Ask for the ideal and parallel forms of controllers."""
+
+    loops: Annotated[tuple[Loop, ...], Field(min_length=1, max_length=MAX_UNITS)] = Field(
+        description="Controllers in cascade form.", examples=[_LOOPS]
+    )
+
+    model_config = ConfigDict(json_schema_extra={"examples": [{"loops": _LOOPS}]})
+
+    def build(self) -> tuple[Controller, ...]:
+        """Return the solver's controllers.
+
+        Raises
+        ------
+        InvalidInputError
+            A value that no controller can have, by pointer into this request.
+
+        """
+        loops = []
+        for index, loop in enumerate(self.loops):
+            with below(f"/loops/{index}"):
+                loops.append(loop.build())
+        return tuple(loops)
+
+
+class IdealForm(BaseModel):
+    """Ideal (ISA) form, K (1 + 1/(T_i s) + T_d s/(1 + T_f s))."""
+
+    gain: float = Field(description="K.", examples=[46.3])
+    integral_time: float = Field(description="T_i.", examples=[101.0])
+    derivative_time: float = Field(description="T_d; 0 for PI.", examples=[0.0])
+    filter_time: float = Field(description="T_f.", examples=[0.0])
+
+
+class ParallelForm(BaseModel):
+    """Parallel form, K_p + K_i/s + K_d s/(1 + T_f s)."""
+
+    proportional_gain: float = Field(description="K_p.", examples=[46.3])
+    integral_gain: float = Field(description="K_i.", examples=[0.458])
+    derivative_gain: float = Field(description="K_d; 0 for PI.", examples=[0.0])
+    filter_time: float = Field(description="T_f.", examples=[0.0])
+
+
+class ControllerForms(BaseModel):
+    """One controller in its three forms: the same transfer function, filter included."""
+
+    cascade: Loop = Field(
+        description="Cascade form, as given.",
+        examples=[{"gain": 46.3, "integral_time": 101.0, "derivative_time": None}],
+    )
+    ideal: IdealForm | None = Field(
+        description="Ideal form; null where none exists, see reason.",
+        examples=[
+            {"gain": 46.3, "integral_time": 101.0, "derivative_time": 0.0, "filter_time": 0.0}
+        ],
+    )
+    parallel: ParallelForm | None = Field(
+        description="Parallel form; null where none exists, see reason.",
+        examples=[
+            {
+                "proportional_gain": 46.3,
+                "integral_gain": 0.458,
+                "derivative_gain": 0.0,
+                "filter_time": 0.0,
+            }
+        ],
+    )
+    reason: str | None = Field(description="Why a form does not exist.", examples=[None])
+
+
+class ControllerFormsResult(BaseModel):
+    """Controllers in their forms."""
+
+    forms: list[ControllerForms] = Field(
+        description="One entry a controller, in the order given.", examples=[[]]
+    )
+
+
+def controller_forms_to_json(loops: tuple[Controller, ...]) -> dict[str, Any]:
+    """Return the forms of `loops` as the JSON object that `ControllerFormsResult` describes."""
+    return {"forms": [_forms(loop) for loop in loops]}
+
+
+def _forms(loop: Controller) -> dict[str, Any]:
+    ideal = parallel = reason = None
+    try:
+        ideal, parallel = encode(asdict(loop.to_ideal())), encode(asdict(loop.to_parallel()))
+    except InvalidInputError as error:
+        reason = error.message
+    return {"cascade": encode(asdict(loop)), "ideal": ideal, "parallel": parallel, "reason": reason}

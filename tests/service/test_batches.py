@@ -1,0 +1,125 @@
+"""Batches over HTTP."""
+
+import json
+from typing import Any
+
+import httpx
+import pytest
+from fake_tune import SLOW, UNSUPPORTED
+from samples import altered, tuning
+
+PATH = "/v1/batches"
+
+
+def start(client: httpx.Client, *tunings: dict[str, Any], **headers: str) -> dict[str, Any]:
+    """Start a batch and return it."""
+    response = client.post(PATH, json={"tunings": tunings}, headers=headers)
+    assert response.status_code == 202, response.text
+    batch: dict[str, Any] = response.json()
+    assert response.headers["location"] == batch["links"]["self"]
+    return batch
+
+
+def results(client: httpx.Client, batch: dict[str, Any], query: str = "") -> list[dict[str, Any]]:
+    """Return the results of a batch, once they are all there."""
+    response = client.get(batch["links"]["results"] + query)
+    assert response.headers["content-type"] == "application/x-ndjson"
+    return [json.loads(line) for line in response.text.splitlines()]
+
+
+def test_results_come_in_order(client: httpx.Client) -> None:
+    """A line a tuning, in the order of the request, whatever ends first."""
+    batch = start(client, tuning(SLOW, starts=50), *(tuning(200 + index) for index in range(20)))
+    lines = results(client, batch)
+    assert [line["index"] for line in lines] == list(range(21))
+    assert [line["result"]["tau_p"] for line in lines[1:]] == list(range(200, 220))
+    ended = client.get(batch["links"]["self"]).json()
+    assert ended["status"] == "finished"
+    assert ended["states"]["succeeded"] == ended["count"] == 21
+
+
+def test_results_can_begin_anywhere(client: httpx.Client) -> None:
+    """A reader that was interrupted goes on where it was."""
+    batch = start(client, *(tuning(300 + index) for index in range(5)))
+    assert [line["index"] for line in results(client, batch, "?start=3")] == [3, 4]
+
+
+def test_equal_tunings_are_computed_once(client: httpx.Client) -> None:
+    """Equal requests, defaults written out or not, share a job."""
+    spelled_out = {**tuning(9), "objective": "tau_p", "certificate": "none"}
+    lines = results(client, start(client, tuning(9), tuning(10), spelled_out))
+    assert lines[0]["id"] == lines[2]["id"] != lines[1]["id"]
+    assert lines[0]["result"] == lines[2]["result"]
+
+
+def test_failure_is_reported_for_its_item_alone(client: httpx.Client) -> None:
+    """An item that fails leaves the others alone."""
+    lines = results(client, start(client, tuning(11), tuning(UNSUPPORTED), tuning(12)))
+    assert lines[1]["error"]["type"] == "urn:mutune:problem:unsupported-plant"
+    assert [lines[0]["result"]["tau_p"], lines[2]["result"]["tau_p"]] == [11, 12]
+
+
+def test_batch_is_cancelled_as_a_whole(client: httpx.Client) -> None:
+    """What runs stops, what waits never starts, and the results say so."""
+    batch = start(client, *(tuning(SLOW, starts=500 + index) for index in range(10)))
+    assert client.delete(batch["links"]["self"]).status_code == 202
+    lines = results(client, batch)
+    assert {line["error"]["type"] for line in lines} == {"urn:mutune:problem:cancelled"}
+    assert client.get(batch["links"]["self"]).json()["states"]["cancelled"] == 10
+
+
+def test_interactive_tuning_overtakes_a_batch(client: httpx.Client) -> None:
+    """A single tuning does not wait for long ones of a batch, which are done again."""
+    batch = start(client, *(tuning(SLOW, starts=900 + index) for index in range(20)))
+    response = client.post("/v1/tunings", json=tuning(13), headers={"Prefer": "wait=5"})
+    assert response.json()["status"] == "succeeded"
+    states = client.get(batch["links"]["self"]).json()["states"]
+    assert states["succeeded"] + states["failed"] == 0
+    client.delete(batch["links"]["self"])
+    results(client, batch)
+
+
+def test_same_idempotency_key_gives_the_same_batch(client: httpx.Client) -> None:
+    """A repeated batch with its key creates nothing; another one with it is refused."""
+    key = {"Idempotency-Key": "batch one"}
+    first = start(client, tuning(14), **key)
+    assert start(client, tuning(14), **key)["id"] == first["id"]
+    other = client.post(PATH, json={"tunings": [tuning(15)]}, headers=key)
+    assert other.status_code == 409
+
+
+@pytest.mark.parametrize(
+    ("body", "status", "pointer"),
+    [
+        ({"tunings": []}, 422, "/tunings"),
+        ({"tunings": {}}, 422, ""),
+        ({"items": [tuning()]}, 422, ""),
+        ({"tunings": [tuning()], "extra": 1}, 422, ""),
+        ({"tunings": [tuning(), altered(tuning(), "/plant/n", 0)]}, 422, "/tunings/1/plant/n"),
+        ({"tunings": [altered(tuning(), "/plant/gain", 0)]}, 422, "/tunings/0/plant/gain"),
+        ({"tunings": [tuning(), "x]"]}, 422, "/tunings/1"),
+    ],
+)
+def test_faulty_batch_is_refused_as_a_whole(
+    client: httpx.Client, body: object, status: int, pointer: str
+) -> None:
+    """One faulty item refuses the batch and is named; nothing is accepted."""
+    before = client.get("/v1/tunings?limit=1").json()["items"][:1]
+    response = client.post(PATH, json=body)
+    assert response.status_code == status
+    assert response.json()["errors"][0]["pointer"] == pointer
+    assert client.get("/v1/tunings?limit=1").json()["items"][:1] == before
+
+
+@pytest.mark.parametrize("body", ['{"tunings": [', '{"tunings": [{"a": "b}', '{"tunings": [1 2]}'])
+def test_text_that_is_not_json_is_refused(client: httpx.Client, body: str) -> None:
+    """A text that ends early, or is no JSON, is a 4xx problem."""
+    headers = {"Content-Type": "application/json"}
+    assert client.post(PATH, content=body, headers=headers).status_code == 400
+
+
+def test_unknown_batch_is_404(client: httpx.Client) -> None:
+    """A batch that does not exist is a 404 problem for every method."""
+    path = f"{PATH}/{'0' * 32}"
+    for response in (client.get(path), client.delete(path), client.get(f"{path}/results")):
+        assert response.status_code == 404
