@@ -8,6 +8,7 @@ RUN /opt/mutune/bin/pip install --require-hashes -r requirements/run.txt
 COPY pyproject.toml README.md LICENSE ./
 COPY solver solver
 COPY service service
+COPY examples examples
 RUN /opt/mutune/bin/pip install --no-deps --no-build-isolation .
 
 FROM python:3.11-slim
