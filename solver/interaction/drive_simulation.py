@@ -1,0 +1,197 @@
+"""Exact responses of parallel units to steps in set point and load and a measurement pulse.
+
+All inputs are piecewise constant and the loop is linear, so one matrix exponential a piece gives
+the response without error. The default scenario is that of Astrom and Hagglund, figures 11.10
+and 11.13.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg import expm
+
+from solver.errors import InvalidInputError
+from solver.interaction.parallel_drives import mended_model, original_model
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from solver.interaction.parallel_drives import DriveModel, ParallelDrives
+
+__all__ = ["DriveResponse", "DriveScenario", "DriveSimulation", "simulate_drives"]
+
+MAX_POINTS = 10_000
+_BOUND = 1e9  # a response beyond it is cut off: the loop is unstable
+
+
+@dataclass(frozen=True)
+class DriveScenario:
+    """What happens: set point step at 0, load step, pulse in one unit's measurement.
+
+    Parameters
+    ----------
+    set_point, load : float
+        Heights of the steps.
+    load_time : float
+        When the load comes.
+    pulse : float
+        Height of the measurement error of unit `pulse_unit` (from 0).
+    pulse_time, pulse_duration : float
+        When it begins, how long it lasts; after the load.
+    end : float
+        End of the simulation, after the pulse.
+    points : int
+        Points of the response, 10..`MAX_POINTS`.
+
+    """
+
+    set_point: float = 1.0
+    load: float = 1.0
+    load_time: float = 10.0
+    pulse: float = 1.0
+    pulse_unit: int = 1
+    pulse_time: float = 20.0
+    pulse_duration: float = 1.0
+    end: float = 40.0
+    points: int = 401
+
+    def __post_init__(self) -> None:
+        for name in ("set_point", "load", "pulse"):
+            if not abs(getattr(self, name)) <= 1e6:
+                message = "must be finite and at most 1e6 in magnitude"
+                raise InvalidInputError(message, f"/{name}")
+        times = (0.0, self.load_time, self.pulse_time, self.pulse_time + self.pulse_duration)
+        names = ("load_time", "pulse_time", "pulse_duration", "end")
+        for before, after, name in zip(times, (*times[1:], self.end), names, strict=True):
+            if not before < after <= 1e9:
+                message = "the events must follow each other: 0, load, pulse, its end, end"
+                raise InvalidInputError(message, f"/{name}")
+        if not 10 <= self.points <= MAX_POINTS:
+            message = f"the number of points must lie in 10..{MAX_POINTS}"
+            raise InvalidInputError(message, "/points")
+
+
+@dataclass(frozen=True)
+class DriveResponse:
+    """Response over time; at each event the values before and after it.
+
+    Attributes
+    ----------
+    time : (k,)
+        Time units.
+    set_point, load, measurement_error : (k,)
+        The inputs.
+    output : (k,)
+        Common output.
+    efforts : (k, n)
+        Efforts of the units.
+    bounded : bool
+        False where the response was cut off because it grew without bound.
+    shares_before_pulse, shares_at_end : (n,)
+        Share of each unit in the total effort; NaN where that is zero or was not reached.
+
+    """
+
+    time: NDArray[np.float64]
+    set_point: NDArray[np.float64]
+    load: NDArray[np.float64]
+    measurement_error: NDArray[np.float64]
+    output: NDArray[np.float64]
+    efforts: NDArray[np.float64]
+    bounded: bool
+    shares_before_pulse: NDArray[np.float64]
+    shares_at_end: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class DriveSimulation:
+    """The units as they are, and with one integrator shared out (None without integral action)."""
+
+    original: DriveResponse
+    mended: DriveResponse | None
+
+
+def simulate_drives(
+    system: ParallelDrives, scenario: DriveScenario | None = None
+) -> DriveSimulation:
+    """Simulate the units before and after the remedy.
+
+    Parameters
+    ----------
+    system : ParallelDrives
+        Units and load.
+    scenario : DriveScenario or None
+        None: the default one.
+
+    Raises
+    ------
+    InvalidInputError
+        The scenario disturbs a unit that does not exist.
+
+    """
+    scenario = scenario or DriveScenario(pulse_unit=min(1, len(system.drives) - 1))
+    if not 0 <= scenario.pulse_unit < len(system.drives):
+        message = f"the units are 0 to {len(system.drives) - 1}"
+        raise InvalidInputError(message, "/pulse_unit")
+    mended = None
+    if system.integrating:
+        mended = _simulate(mended_model(system), scenario)
+    return DriveSimulation(_simulate(original_model(system), scenario), mended)
+
+
+def _simulate(model: DriveModel, scenario: DriveScenario) -> DriveResponse:
+    states, inputs = len(model.A), model.B.shape[1]
+    edges = (
+        0.0,
+        scenario.load_time,
+        scenario.pulse_time,
+        scenario.pulse_time + scenario.pulse_duration,
+        scenario.end,
+    )
+    x = np.zeros(states)
+    pieces: list[tuple[float, NDArray[np.float64], NDArray[np.float64]]] = []
+    bounded = True
+    marks = []
+    for start, end in itertools.pairwise(edges):
+        v = np.zeros(inputs)
+        v[0] = scenario.set_point
+        v[1] = scenario.load if start >= scenario.load_time else 0.0
+        v[2 + scenario.pulse_unit] = scenario.pulse if start == scenario.pulse_time else 0.0
+        steps = max(math.ceil(scenario.points * (end - start) / scenario.end), 2)
+        block = np.zeros((states + inputs, states + inputs))
+        block[:states] = np.hstack([model.A, model.B]) * ((end - start) / steps)
+        advance = expm(block)[:states]
+        for index in range(steps + 1):
+            if index:
+                x = advance @ np.concatenate([x, v])
+            if not np.max(np.abs(x)) <= _BOUND:
+                bounded = False
+                break
+            pieces.append((start + (end - start) * index / steps, v, model.C @ x + model.D @ v))
+        if not bounded:
+            break
+        marks.append(pieces[-1][2][1:])
+    v = np.array([piece[1] for piece in pieces])
+    y = np.array([piece[2] for piece in pieces])
+    return DriveResponse(
+        time=np.array([piece[0] for piece in pieces]),
+        set_point=v[:, 0],
+        load=v[:, 1],
+        measurement_error=v[:, 2 + scenario.pulse_unit],
+        output=y[:, 0],
+        efforts=y[:, 1:],
+        bounded=bounded,
+        shares_before_pulse=_shares(marks, 1, y.shape[1] - 1),
+        shares_at_end=_shares(marks, 3, y.shape[1] - 1),
+    )
+
+
+def _shares(marks: list[NDArray[np.float64]], index: int, units: int) -> NDArray[np.float64]:
+    if index >= len(marks) or np.sum(marks[index]) == 0:
+        return np.full(units, np.nan)
+    return np.asarray(marks[index] / np.sum(marks[index]), dtype=np.float64)
