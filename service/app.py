@@ -28,7 +28,7 @@ from service.jobs.watch import Watcher
 from service.keys import KeyFile
 from service.metrics import Metrics
 from service.middleware import Compressed, Observed, SecurityHeaders
-from service.routes import batches, health, robustness, tunings
+from service.routes import batches, controller_forms, examples, health, page, robustness, tunings
 from service.routes.common import problems
 from service.settings import Settings
 
@@ -48,8 +48,8 @@ _TAGS = [
 ]
 
 # Resources that need an API key, where the service has keys, and those that never do.
-_FOR_CALLERS = (tunings, batches, robustness)
-_FOR_EVERYBODY = (health,)
+_FOR_CALLERS = (tunings, batches, robustness, controller_forms)
+_FOR_EVERYBODY = (examples, health, page)
 
 
 def create_app(settings: Settings | None = None) -> FastAPI:

@@ -1,0 +1,85 @@
+/** Plotly, loaded when a figure is first wanted, under a policy that permits no inline style. */
+
+import { request } from "./api.js";
+import { h } from "./dom.js";
+import { timeUnit } from "./format.js";
+import { takes } from "./schema.js";
+
+/** @typedef {{data: any[], layout: any}} Figure as the service makes it, without a template */
+/** @typedef {{templates: {light: any, dark: any}, figures: Record<string, Figure>}} Figures */
+
+const dark = matchMedia("(prefers-color-scheme: dark)");
+const drawn = /** @type {Set<{plot: HTMLElement, draw: () => void}>} */ (new Set());
+dark.addEventListener("change", () => drawn.forEach((one) => (one.plot.isConnected ? one.draw() : drawn.delete(one))));
+
+/** @type {Promise<any> | undefined} */
+let plotly;
+
+/**
+ * Plotly writes styles in three ways; the policy of the page lets through what goes over the
+ * CSSOM only. Its own rules go into the sheet with the id `plotly.js-style-global`, which is the
+ * page's. Style attributes are sent the permitted way. The rules of its maps, which it inserts
+ * as it loads and nothing here needs, end in an element that means nothing.
+ */
+export function loadPlotly() {
+  plotly ??= new Promise((done, failed) => {
+    const { setAttribute } = Element.prototype;
+    Element.prototype.setAttribute = function (name, value) {
+      if (name === "style" && "style" in this) /** @type {any} */ (this).style.cssText = value;
+      else setAttribute.call(this, name, value);
+    };
+    const { createElement } = document;
+    document.createElement = (tag, options) =>
+      createElement.call(document, tag === "style" ? "template" : tag, options);
+    const source = document.querySelector("meta[name=plotly]")?.getAttribute("content");
+    const onload = () => {
+      document.createElement = createElement;
+      done(/** @type {any} */ (window).Plotly);
+    };
+    const onerror = () => {
+      document.createElement = createElement;
+      plotly = undefined;
+      failed(new Error("The drawing library could not be loaded."));
+    };
+    document.head.append(h("script", { src: source, async: true, onload, onerror }));
+  });
+  return plotly;
+}
+
+/** @param {string} path @param {string} [method] @param {unknown} [body] @param {string} [declared] the path in the document */
+export function fetchFigures(path, method = "GET", body, declared = path) {
+  const query = takes(declared, "unit", method.toLowerCase()) ? `?unit=${encodeURIComponent(timeUnit())}` : "";
+  return request(method, path + query, { body });
+}
+
+/**
+ * Draw figures one after another, so that the page stays usable meanwhile.
+ * @param {HTMLElement} place @param {Figures} answer @param {string} name of the files saved
+ */
+export async function drawFigures(place, { templates, figures }, name) {
+  const frames = Object.entries(figures).map(([kind, figure]) => {
+    const plot = h("div", { class: "plot" });
+    const { title = kind, description = "" } = figure.layout.meta ?? {};
+    const node = h("figure", { class: "card", "data-figure": kind },
+      h("figcaption", {}, h("h3", {}, title), h("p", { class: "help" }, description)), plot);
+    return { kind, figure, plot, node };
+  });
+  place.replaceChildren(...frames.map(({ node }) => node));
+  const Plotly = await loadPlotly();
+  for (const { kind, figure, plot } of frames) {
+    const { data, layout } = figure;
+    const save = {
+      name: "png", title: "Save as PNG", icon: Plotly.Icons.camera,
+      click: () => Plotly.downloadImage(
+        { data, layout: { ...layout, template: templates.light, paper_bgcolor: "white" } },
+        { format: "png", width: 1000, height: 600, scale: 2, filename: `${name}-${kind}` }),
+    };
+    const buttons = [[save], ["zoom2d", "pan2d", "resetScale2d"]];
+    const draw = () => Plotly.react(plot,
+      data, { ...layout, autosize: true, template: dark.matches ? templates.dark : templates.light },
+      { responsive: true, displaylogo: false, modeBarButtons: buttons });
+    await draw();
+    drawn.add({ plot, draw });
+    await new Promise((done) => setTimeout(done));
+  }
+}

@@ -1,0 +1,92 @@
+/** Numbers, names and units as people read them. */
+
+import { h } from "./dom.js";
+
+const NAMES = /** @type {Record<string, string>} */ ({
+  n: "Units n", tau_p: "Time constant τₚ", epsilon: "Error ε", theta: "Time scale θ", mu: "μ",
+  omega: "Frequency ω", max_peak: "Peak M", offset: "Offset A", num: "Numerator",
+  den: "Denominator", interaction: "Interaction", rga: "RGA", dead_time: "Dead time",
+});
+const OPTIONS = /** @type {Record<string, string>} */ ({
+  tau_p: "Fastest loop, τₚ", mu: "Most robust, μ",
+});
+const SUPERSCRIPTS = "⁰¹²³⁴⁵⁶⁷⁸⁹";
+
+/** @param {string} key a name of the API, in snake_case, kebab-case or CamelCase */
+function words(key) {
+  const text = key.replace(/([a-z])([A-Z])/g, "$1 $2").replace(/[_-]/g, " ");
+  return text === text.toUpperCase() ? text : text.charAt(0).toUpperCase() + text.slice(1).toLowerCase();
+}
+
+/** @param {string} key */
+export const label = (key) => NAMES[key] ?? words(key);
+
+/** @param {unknown} value */
+export const option = (value) => OPTIONS[String(value)] ?? words(String(value));
+
+/**
+ * @param {number | null | undefined} value
+ * @param {number} [digits] significant ones
+ */
+export function number(value, digits = 4) {
+  if (value == null || !Number.isFinite(value)) return "–";
+  const size = Math.abs(value);
+  if (size !== 0 && (size >= 1e6 || size < 1e-4)) {
+    const [mantissa, exponent] = value.toExponential(digits - 1).split("e");
+    const raised = exponent.replace("+", "").replace("-", "⁻").replace(/\d/g, (d) => SUPERSCRIPTS[+d]);
+    return `${minus(Number(mantissa))}×10${raised}`;
+  }
+  return minus(Number(value.toPrecision(digits)));
+}
+
+const minus = (value) => String(value).replace("-", "−");
+
+/** @param {string} moment ISO time */
+export const clock = (moment) =>
+  new Date(moment).toLocaleString(undefined, { dateStyle: "medium", timeStyle: "short" });
+
+/** @param {number} seconds */
+export const duration = (seconds) =>
+  seconds < 100 ? `${seconds.toFixed(1)} s` : `${Math.floor(seconds / 60)} min ${Math.round(seconds % 60)} s`;
+
+/* The unit of time is the user's own, and no part of a request: it is a matter of labels. */
+
+const KNOWN = "mutune.units";
+let time = "min";
+
+export const timeUnit = () => time;
+
+/** @param {string} unit */
+export function setTimeUnit(unit) {
+  time = unit.trim() || "time units";
+  for (const node of document.querySelectorAll("[data-unit]")) {
+    node.textContent = unitText(/** @type {HTMLElement} */ (node).dataset.unit);
+  }
+}
+
+/** @returns {Record<string, string>} */
+const known = () => JSON.parse(localStorage.getItem(KNOWN) ?? "{}");
+
+/** The unit that belongs to a job (or "last": the one typed last). @param {string} id */
+export const unitOf = (id) => known()[id];
+
+/** @param {string} id */
+export function rememberUnit(id) {
+  const entries = Object.entries({ ...known(), [id]: time, last: time }).slice(-300);
+  localStorage.setItem(KNOWN, JSON.stringify(Object.fromEntries(entries)));
+}
+
+/** @param {string | undefined} kind `x-unit` of the schema */
+export function unitText(kind) {
+  switch (kind) {
+    case "time": return time;
+    case "rad/time": return `rad/${time}`;
+    case "gain": return "output/input";
+    case "s": return "s";
+    default: return "";
+  }
+}
+
+/** @param {string | undefined} kind */
+export const unitTag = (kind) =>
+  unitText(kind) ? h("span", { class: "unit", "data-unit": kind }, unitText(kind)) : null;

@@ -1,0 +1,122 @@
+/** The views of many tunings: their history, and two side by side. */
+
+import { FINAL, pause, request } from "./api.js";
+import { h, table } from "./dom.js";
+import { drawFigures, fetchFigures } from "./figures.js";
+import { clock, label, number, setTimeUnit, unitOf } from "./format.js";
+import { chipOf } from "./job.js";
+import { summary } from "./record.js";
+import { exists } from "./schema.js";
+
+/** @typedef {import("./main.js").View} View */
+
+/** @param {any} job */
+function line(job) {
+  const { title, aim } = summary(job.request);
+  const unit = job.request.objective === "mu" ? "μ" : unitOf(job.id) ?? "";
+  return [
+    h("a", { href: `#/tunings/${job.id}` }, title, h("br"), h("span", { class: "help" }, aim)),
+    chipOf(job.status),
+    h("span", { class: "value" }, number(job.progress.best), " ", h("span", { class: "unit" }, unit)),
+    clock(job.created_at),
+  ];
+}
+
+/** @param {View} view */
+export async function historyView({ main, signal }) {
+  const place = h("div", {});
+  const more = h("button", { type: "button", hidden: true }, "Earlier ones");
+  const compare = h("button", { type: "button", disabled: true }, "Compare the two chosen");
+  const chosen = /** @type {string[]} */ ([]);
+  compare.addEventListener("click", () => (location.hash = `#/compare?a=${chosen[0]}&b=${chosen[1]}`));
+  const choice = (job) => h("input", {
+    type: "checkbox", "aria-label": `Choose the tuning of ${clock(job.created_at)}`, checked: chosen.includes(job.id),
+    onchange: (event) => {
+      if (event.target.checked) chosen.push(job.id);
+      else chosen.splice(chosen.indexOf(job.id), 1);
+      compare.disabled = chosen.length !== 2;
+    },
+  });
+  let pages = 1;
+  const load = async () => {
+    const jobs = [];
+    let next = "/v1/tunings?limit=20";
+    for (let page = 0; page < pages && next; page++) {
+      const answer = await request("GET", next, { signal });
+      jobs.push(...answer.items);
+      next = answer.next;
+    }
+    more.hidden = !next;
+    const focused = document.activeElement;
+    if (!jobs.length) place.replaceChildren(h("p", {}, "No tuning yet. ", h("a", { href: "#/" }, "Start the first one.")));
+    else if (!place.contains(focused)) place.replaceChildren(table("Tunings, newest first", ["Plant", "Status", "Best", "Started", "Compare"],
+      jobs.map((job) => [...line(job), choice(job)])));
+    return jobs.some((job) => !FINAL.has(job.status));
+  };
+  more.addEventListener("click", () => (pages++, load()));
+  main.replaceChildren(h("header", { class: "lead" }, h("h1", { tabindex: "-1" }, "History")),
+    h("section", { class: "card" }, place, h("div", { class: "buttons" }, compare, more)));
+  while ((await load()) && !signal.aborted) await pause(2000);
+}
+
+/** @param {any} value @param {string} [pointer] @returns {[string, string][]} */
+const flat = (value, pointer = "") =>
+  value !== null && typeof value === "object"
+    ? Object.entries(value).flatMap(([key, item]) => flat(item, `${pointer}/${key}`))
+    : [[pointer, value === null ? "–" : String(value)]];
+
+/** @param {View} view @param {URLSearchParams} query */
+export async function compareView({ main, signal, go }, query) {
+  const ids = ["a", "b"].map((name) => query.get(name));
+  const { items } = await request("GET", "/v1/tunings?limit=100&status=succeeded", { signal });
+  const pick = (name, i) => {
+    const options = items.map((job) => {
+      const { title, aim } = summary(job.request);
+      return h("option", { value: job.id, selected: job.id === ids[i] }, `${title} · ${aim} · ${number(job.progress.best)} · ${clock(job.created_at)}`);
+    });
+    const select = h("select", { id: name }, h("option", { value: "" }, "Choose a tuning"), options);
+    select.addEventListener("change", () => go(`#/compare?${new URLSearchParams({ ...Object.fromEntries(query), [name]: select.value })}`));
+    return h("div", { class: "field" }, h("label", { for: name }, i ? "Second" : "First"), select);
+  };
+  const body = h("div", {});
+  main.replaceChildren(h("header", { class: "lead" }, h("h1", { tabindex: "-1" }, "Compare two tunings")),
+    h("div", { class: "cards" }, ["a", "b"].map(pick)), body);
+  if (!ids[0] || !ids[1]) return;
+
+  setTimeUnit(unitOf(ids[0]) ?? "time units");
+  const jobs = await Promise.all(ids.map((id) => request("GET", `/v1/tunings/${id}`, { signal })));
+  const heads = jobs.map((job, i) => h("a", { href: `#/tunings/${job.id}` }, `${i ? "Second" : "First"}: ${summary(job.request).title}`));
+  const cells = (/** @type {(job: any) => any} */ get) => jobs.map((job) => h("span", { class: "value" }, job.result ? get(job) : "–"));
+  const peak = (name) => cells(({ result }) => number(result.peaks?.[name].value));
+  const loops = (/** @type {any} */ { result }) => result.groups.map((group) => result.loops[group[0]])
+    .map((l) => l && `(${[l.gain, l.integral_time, l.derivative_time].filter(Boolean).map((x) => number(x)).join(", ")})`).join(" ");
+  const results = [
+    ["Time constant τₚ", ...cells(({ result }) => number(result.tau_p))],
+    ["Robust performance, peak μ", ...peak("robust_performance")],
+    ["Robust stability, peak μ", ...peak("robust_stability")],
+    ["Nominal performance, peak", ...peak("nominal_performance")],
+    ["Gain of asymmetry, %", ...cells(({ result }) => number(result.comparison?.gain_percent))],
+    ["Settings: gain and times", ...cells(loops)],
+    ["Computing time, s", ...cells(({ result }) => number(result.search.elapsed_seconds, 3))],
+  ];
+  const [first, second] = jobs.map((job) => new Map(flat(job.request)));
+  const differing = [...new Set([...first.keys(), ...second.keys()])].filter((key) => first.get(key) !== second.get(key));
+  const columns = h("div", { class: "figures" });
+  body.replaceChildren(
+    h("section", { class: "card" }, table("Results", ["", ...heads], results)),
+    h("section", { class: "card" }, differing.length
+      ? table("Where the requests differ", ["", "First", "Second"], differing.map((key) =>
+        [key.split("/").slice(1).map(label).join(" › "), first.get(key) ?? "–", second.get(key) ?? "–"]))
+      : h("p", {}, "The requests are the same.")),
+    columns);
+  if (!exists("/v1/tunings/{job_id}/figures", "get") || jobs.some((job) => !job.result?.loops.length)) return;
+  const sides = jobs.map((job) => {
+    const place = h("div", { class: "side" });
+    return { job, place };
+  });
+  columns.replaceChildren(...sides.map(({ place }) => place));
+  for (const { job, place } of sides) {
+    const answer = await fetchFigures(`/v1/tunings/${job.id}/figures`, "GET", undefined, "/v1/tunings/{job_id}/figures");
+    await drawFigures(place, answer, `mutune-${job.id.slice(0, 8)}`);
+  }
+}

@@ -1,0 +1,90 @@
+/** The view of a tuning: its progress while it runs, then its result. */
+
+import { FINAL, follow, request } from "./api.js";
+import { h, put, svg } from "./dom.js";
+import { clock, duration, label, number, setTimeUnit, unitOf, unitTag } from "./format.js";
+import { summary } from "./record.js";
+import { resultView } from "./result.js";
+
+/** @typedef {import("./main.js").View} View */
+
+const MEANING = /** @type {Record<string, string>} */ ({
+  cancelled: "This tuning was cancelled before it had a result.",
+  failed: "This tuning failed.",
+  timed_out: "This tuning ran out of time before it had a result.",
+});
+
+/** @param {string} status */
+export const chipOf = (status) => h("span", { class: `status ${status}` }, label(status));
+
+/** @param {View} view @param {string} id @param {URLSearchParams} query */
+export async function jobView({ main, signal }, id, query) {
+  setTimeUnit(query.get("unit") ?? unitOf(id) ?? "time units");
+  const job = await request("GET", `/v1/tunings/${id}`, { signal });
+  const { title, aim } = summary(job.request);
+  const chip = h("span", {}, chipOf(job.status));
+  const body = h("div", {});
+  main.replaceChildren(
+    h("header", { class: "lead" }, h("h1", { tabindex: "-1" }, title, " ", chip), h("p", {}, aim, " · ", clock(job.created_at))),
+    body);
+  const ended = (last) => {
+    chip.replaceChildren(chipOf(last.status));
+    if (last.result) return resultView(body, last);
+    const again = h("a", { class: "button", href: `#/?from=${id}` }, "Change and run again");
+    put(body, h("section", { class: "card" },
+      h("p", {}, MEANING[last.status]), last.error ? h("p", { class: "error" }, last.error.detail) : null, again));
+  };
+  if (FINAL.has(job.status)) return ended(job);
+
+  const meter = progress(job, () => request("DELETE", `/v1/tunings/${id}`, { signal }));
+  body.replaceChildren(meter.node);
+  const last = await follow(id, (now) => {
+    chip.replaceChildren(chipOf(now.status));
+    meter.update(now);
+  }, signal);
+  meter.stop();
+  ended(last);
+}
+
+/** @param {any} job @param {() => Promise<any>} cancel */
+function progress(job, cancel) {
+  const best = h("output", { class: "big" }, "–");
+  const bar = h("progress", { max: 1, "aria-label": "Part of the search done" });
+  const told = h("p", { class: "help" });
+  const line = svg("polyline", { points: "" });
+  const trace = svg("svg", { viewBox: "0 0 100 30", preserveAspectRatio: "none", class: "trace", "aria-hidden": "true" }, line);
+  const button = h("button", { type: "button" }, "Cancel");
+  button.addEventListener("click", () => {
+    button.disabled = true;
+    cancel();
+  });
+  const seen = /** @type {{at: number, best: number}[]} */ ([]);
+  const started = Date.now();
+  const unit = job.request.objective === "mu" ? null : unitTag("time");
+  let fraction = 0;
+  const tick = () => {
+    const state = fraction > 0 ? `${Math.round(100 * fraction)} % of the search` : "Waiting for a worker";
+    told.textContent = `${state} · ${duration((Date.now() - started) / 1000)}`;
+  };
+  const timer = setInterval(tick, 500);
+  const node = h("section", { class: "card progress" },
+    h("h2", {}, "Best so far"), h("p", {}, best, " ", unit), trace, bar, told, button);
+  const update = (now) => {
+    fraction = now.progress.fraction;
+    bar.value = fraction;
+    if (now.progress.best !== null) {
+      best.textContent = number(now.progress.best);
+      seen.push({ at: Date.now() - started, best: now.progress.best });
+      const high = Math.max(...seen.map((point) => point.best));
+      const low = Math.min(...seen.map((point) => point.best));
+      const end = Math.max(Date.now() - started, 1);
+      const points = [...seen, { at: end, best: now.progress.best }].map((point) =>
+        `${(100 * point.at) / end},${28 - (26 * (point.best - low)) / (high - low || 1)}`);
+      line.setAttribute("points", points.join(" "));
+    }
+    tick();
+    if (!node.isConnected) clearInterval(timer);
+  };
+  update(job);
+  return { node, update, stop: () => clearInterval(timer) };
+}

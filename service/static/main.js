@@ -1,0 +1,91 @@
+/** The page: which view is shown, and what stands around it. */
+
+import { connection, onKeyNeeded, Problem } from "./api.js";
+import { h } from "./dom.js";
+import { label } from "./format.js";
+import { compareView, historyView } from "./history.js";
+import { jobView } from "./job.js";
+import { requestView } from "./request.js";
+import { analyses, exists, loadSchema } from "./schema.js";
+
+/** @typedef {{main: HTMLElement, signal: AbortSignal, go: (hash: string) => void}} View */
+
+const main = /** @type {HTMLElement} */ (document.querySelector("main"));
+const banner = /** @type {HTMLElement} */ (document.querySelector("#connection"));
+let current = new AbortController();
+let first = true;
+
+/** @param {View} view @param {string} path @param {URLSearchParams} query */
+function show(view, path, query) {
+  const [place, id] = path.split("/");
+  const from = query.get("from") ?? undefined;
+  if (place === "tunings" && id) return jobView(view, id, query);
+  if (place === "tunings") return historyView(view);
+  if (place === "compare") return compareView(view, query);
+  if (place === "analyses" && id && exists(`/v1/${id}`)) return requestView(view, `/v1/${id}`, { from });
+  if (place === "analyses") return analysesView(view);
+  return requestView(view, "/v1/tunings", { from, title: "Tune parallel loops" });
+}
+
+/** @param {View} view */
+async function analysesView({ main: place }) {
+  place.replaceChildren(h("header", { class: "lead" }, h("h1", { tabindex: "-1" }, "Analyse")),
+    h("ul", { class: "cards links" }, analyses().map((op) =>
+      h("li", { class: "card" }, h("h2", {}, h("a", { href: `#/analyses/${op.name}` }, label(op.name))), h("p", {}, op.description)))));
+}
+
+async function route() {
+  current.abort();
+  const { signal } = (current = new AbortController());
+  const [path, query = ""] = location.hash.replace(/^#\/?/, "").split("?");
+  const area = path.split("/")[0];
+  for (const link of document.querySelectorAll("nav.site a")) {
+    const own = link.getAttribute("href") === `#/${area === "compare" ? "tunings" : area}`;
+    if (own) link.setAttribute("aria-current", "page");
+    else link.removeAttribute("aria-current");
+  }
+  const view = { main, signal, go: (hash) => { location.hash = hash; } };
+  main.setAttribute("aria-busy", "true");
+  try {
+    await loadSchema();
+    await show(view, path, new URLSearchParams(query));
+  } catch (error) {
+    if (signal.aborted) return;
+    if (!(error instanceof Problem)) throw error;
+    main.replaceChildren(h("section", { class: "card hero missed" }, h("h1", { tabindex: "-1" }, error.title), h("p", {}, error.message)));
+  } finally {
+    if (!signal.aborted) arrived();
+  }
+}
+
+/** Tell where we are: to the title, and to those who do not see the page. */
+function arrived() {
+  main.removeAttribute("aria-busy");
+  const heading = main.querySelector("h1");
+  document.title = heading ? `${heading.textContent} · mutune` : "mutune";
+  if (!first) heading?.focus({ preventScroll: true });
+  first = false;
+}
+
+connection.addEventListener("change", (event) => {
+  banner.hidden = !(/** @type {CustomEvent} */ (event).detail);
+});
+
+/** @type {Promise<string> | undefined} */
+let asking;
+onKeyNeeded(() => {
+  const dialog = /** @type {HTMLDialogElement} */ (document.querySelector("#key"));
+  const input = /** @type {HTMLInputElement} */ (dialog.querySelector("input"));
+  asking ??= new Promise((done) => {
+    dialog.showModal();
+    dialog.addEventListener("close", () => {
+      asking = undefined;
+      done(input.value.trim());
+      input.value = "";
+    }, { once: true });
+  });
+  return asking;
+});
+
+addEventListener("hashchange", route);
+route();

@@ -1,0 +1,136 @@
+/** The service's OpenAPI document: the one place of fields, units, bounds and help. */
+
+import { request } from "./api.js";
+
+/** @typedef {import("./api.js").Fault} Fault */
+/** @typedef {Record<string, any>} Schema JSON schema, or a part of it */
+/** @typedef {{path: string, name: string, summary: string, description: string, input: Schema, output: Schema}} Operation */
+
+/** @type {any} */
+let openapi;
+
+export async function loadSchema() {
+  openapi ??= await request("GET", "/openapi.json");
+}
+
+/** @param {string} path @param {string} [method] */
+export const exists = (path, method = "post") => Boolean(openapi.paths[path]?.[method]);
+
+/** @param {string} path @param {string} name of a query parameter */
+export const takes = (path, name, method = "get") =>
+  Boolean(openapi.paths[path]?.[method]?.parameters?.some((p) => p.name === name));
+
+/** @param {string} path @returns {Operation} */
+export function operation(path) {
+  const post = openapi.paths[path].post;
+  const schemaOf = (part) => part?.content?.["application/json"]?.schema ?? {};
+  return {
+    path,
+    name: path.split("/").at(-1) ?? "",
+    summary: post.summary,
+    description: post.description,
+    input: schemaOf(post.requestBody),
+    output: schemaOf(post.responses["200"]),
+  };
+}
+
+/** @returns {Operation[]} what is answered within the request */
+export const analyses = () =>
+  Object.keys(openapi.paths)
+    .filter((path) => openapi.paths[path].post?.tags?.includes("analyses"))
+    .map(operation);
+
+/**
+ * Follow references and fold unions: `nullable` says that null is permitted, `variants` lists
+ * the other forms where there are several.
+ * @param {Schema} schema @returns {Schema}
+ */
+export function resolve(schema) {
+  const { $ref, anyOf, oneOf, ...own } = schema;
+  if ($ref) return { ...resolve(openapi.components.schemas[$ref.split("/").at(-1)]), ...own };
+  const forms = anyOf ?? oneOf;
+  if (!forms) return own;
+  const others = forms.filter((/** @type {Schema} */ form) => form.type !== "null");
+  const nullable = others.length < forms.length;
+  if (others.length > 1) return { ...own, nullable, variants: others.map(resolve) };
+  return { ...resolve(others[0]), ...own, nullable };
+}
+
+/**
+ * The form of a union that a value has: that of its tag, else the first that knows its fields.
+ * @param {Schema[]} variants @param {any} value @returns {Schema}
+ */
+export function variantOf(variants, value) {
+  const keys = Object.keys(value ?? {});
+  const fits = (/** @type {Schema} */ variant) =>
+    keys.every((key) => {
+      const property = variant.properties?.[key];
+      return property && (!("const" in property) || property.const === value[key]);
+    });
+  return variants.find(fits) ?? variants[0];
+}
+
+/**
+ * A value to begin with: the default, else an example.
+ * @param {Schema} schema @param {boolean} [examples] false: leave open what has no default
+ * @returns {any}
+ */
+export function initial(schema, examples = true) {
+  const s = resolve(schema);
+  if ("const" in s) return s.const;
+  if (s.default !== undefined && s.type !== "object") return s.default;
+  if (s.nullable && !("default" in s)) return null;
+  const form = s.variants ? s.variants[0] : s;
+  if (form.type === "object") {
+    if (examples && s.examples?.[0]) return s.examples[0];
+    const entries = Object.entries(form.properties ?? {});
+    return Object.fromEntries(entries.map(([key, part]) => [key, initial(part, examples)]));
+  }
+  return examples ? s.examples?.[0] : undefined;
+}
+
+/**
+ * Where a value does not match its schema, in words for the person who typed it.
+ * @param {Schema} schema @param {any} value @param {string} [pointer] @returns {Fault[]}
+ */
+export function faults(schema, value, pointer = "") {
+  let s = resolve(schema);
+  if (s.nullable && value === null) return [];
+  if (s.variants) s = variantOf(s.variants, value);
+  const wrong = (detail) => [{ pointer, detail }];
+  if (value === undefined || value === null) return wrong("This is needed.");
+  if ("const" in s) return value === s.const ? [] : wrong(`This must be ${s.const}.`);
+  if (s.enum) return s.enum.includes(value) ? [] : wrong(`One of ${s.enum.join(", ")}.`);
+  switch (s.type) {
+    case "object": {
+      const properties = s.properties ?? {};
+      const required = s.required ?? [];
+      const keys = new Set([...Object.keys(value), ...required]);
+      return [...keys].flatMap((key) => {
+        if (properties[key]) return faults(properties[key], value[key], `${pointer}/${key}`);
+        return s.additionalProperties === false ? wrong(`There is no field ${key}.`) : [];
+      });
+    }
+    case "array": {
+      if (!Array.isArray(value)) return wrong("A list is needed.");
+      if (value.length < (s.minItems ?? 0)) return wrong(`At least ${s.minItems} of these.`);
+      if (value.length > (s.maxItems ?? Infinity)) return wrong(`At most ${s.maxItems} of these.`);
+      return value.flatMap((item, i) => faults(s.prefixItems?.[i] ?? s.items ?? {}, item, `${pointer}/${i}`));
+    }
+    case "integer":
+    case "number": {
+      if (typeof value !== "number") return wrong("Enter a number.");
+      if (s.type === "integer" && !Number.isInteger(value)) return wrong("Enter a whole number.");
+      if (value < s.minimum) return wrong(`At least ${s.minimum}.`);
+      if (value <= s.exclusiveMinimum) return wrong(`More than ${s.exclusiveMinimum}.`);
+      if (value > s.maximum) return wrong(`At most ${s.maximum}.`);
+      if (value >= s.exclusiveMaximum) return wrong(`Less than ${s.exclusiveMaximum}.`);
+      return [];
+    }
+    case "boolean":
+      return typeof value === "boolean" ? [] : wrong("Yes or no.");
+    case "string":
+      return typeof value === "string" ? [] : wrong("Enter text.");
+  }
+  return [];
+}

@@ -1,0 +1,89 @@
+/** What was typed, as a formula (MathML). */
+
+import { h, math } from "./dom.js";
+import { number } from "./format.js";
+
+/** @typedef {{num: number[], den: number[], dead_time?: number}} TransferFunction */
+
+const mi = (text) => math("mi", {}, text);
+const mo = (text) => math("mo", {}, text);
+const mn = (value) => math("mn", {}, number(Math.abs(value), 6));
+
+/** @param {any} list */
+const isNumbers = (list) => Array.isArray(list) && list.length > 0 && list.every(Number.isFinite);
+
+/** @param {number[]} coefficients descending powers of s */
+function polynomial(coefficients) {
+  const row = math("mrow");
+  coefficients.forEach((c, i) => {
+    const power = coefficients.length - 1 - i;
+    if (c === 0) return;
+    if (c < 0) row.append(mo("−"));
+    else if (row.childNodes.length) row.append(mo("+"));
+    if (Math.abs(c) !== 1 || power === 0) row.append(mn(c));
+    if (power > 1) row.append(math("msup", {}, mi("s"), mn(power)));
+    if (power === 1) row.append(mi("s"));
+  });
+  if (!row.childNodes.length) row.append(mn(0));
+  return row;
+}
+
+/** @param {TransferFunction} tf @returns {Element | null} null while it is incomplete */
+function row(tf) {
+  if (!isNumbers(tf.num) || !isNumbers(tf.den)) return null;
+  const constant = tf.den.length === 1 && tf.den[0] === 1;
+  const ratio = constant ? polynomial(tf.num) : math("mfrac", {}, polynomial(tf.num), polynomial(tf.den));
+  const delay = Number.isFinite(tf.dead_time) ? Number(tf.dead_time) : 0;
+  if (delay === 0) return ratio;
+  const exponent = math("mrow", {}, mo("−"), delay === 1 ? null : mn(delay), mi("s"));
+  return math("mrow", {}, ratio, math("msup", {}, mi("e"), exponent));
+}
+
+/** @param {(Element | string)[]} parts */
+const formula = (...parts) => math("math", { display: "block" }, math("mrow", {}, parts));
+
+/** @param {any} tf @returns {Element | null} */
+export function transferFunction(tf) {
+  const content = row(tf);
+  return content && formula(content);
+}
+
+/** @param {Element[][]} cells */
+const matrix = (cells) =>
+  math("mrow", {}, mo("["),
+    math("mtable", {}, cells.map((line) => math("mtr", {}, line.map((cell) => math("mtd", {}, cell))))),
+    mo("]"));
+
+const defined = (name, /** @type {Element} */ content) =>
+  formula(mi(name), mo("("), mi("s"), mo(")"), mo("="), content);
+
+/** The plant of a request, or nothing while it is incomplete. @param {any} plant @returns {HTMLElement} */
+export function plantFormula(plant) {
+  const view = h("div", { class: "formula" });
+  if (!plant) return view;
+  if (plant.kind === "matrix") {
+    const cells = plant.elements.map((/** @type {TransferFunction[]} */ line) => line.map(row));
+    const complete = cells.flat().every(Boolean);
+    if (complete && cells.length <= 3) view.append(defined("G", matrix(cells)));
+    else view.append(h("p", {}, `${cells.length} × ${cells.length} transfer functions`));
+    return view;
+  }
+  const { gain: k, time_constant: tau, interaction: a, dead_time } = plant;
+  const lag = (gain) =>
+    row({ num: [gain], den: tau === 0 ? [1] : [tau, 1], dead_time });
+  const shorthand = plant.kind === "first_order";
+  const own = shorthand ? lag(k) : row(plant.process);
+  const cross = shorthand ? lag(Number((a * k).toPrecision(12))) : row(plant.interaction);
+  if (!own || !cross || !Number.isInteger(plant.n)) return view;
+  const g = () => mi("g");
+  const i = () => mi("i");
+  const dots = (text) => mo(text);
+  const cells = plant.n <= 1 ? [[g()]]
+    : plant.n === 2 ? [[g(), i()], [i(), g()]]
+      : [[g(), i(), dots("⋯"), i()], [i(), g(), dots("⋱"), dots("⋮")], [dots("⋮"), dots("⋱"), dots("⋱"), i()], [i(), dots("⋯"), i(), g()]];
+  view.append(defined("G", matrix(cells)));
+  if (plant.n > 2) view.append(h("p", {}, `${plant.n} × ${plant.n}`));
+  view.append(defined("g", own));
+  if (plant.n > 1) view.append(defined("i", cross));
+  return view;
+}
