@@ -66,7 +66,7 @@ class LoopAnalysis:
         assert self.performance.tau_p is not None  # noqa: S101 - for the type checker
         bends = np.append(bends, 1 / self.performance.tau_p)
         return grid(
-            1e-3 * bends.min(), 1e2 * bends.max(), POINTS_PER_DECADE, [resonances(plant), bends]
+            1e-4 * bends.min(), 1e2 * bends.max(), POINTS_PER_DECADE, [resonances(plant), bends]
         )
 
     def scales(
@@ -77,16 +77,17 @@ class LoopAnalysis:
         b = np.zeros_like(omega) if stability_only else self.performance.magnitude(omega) ** 2
         y = np.zeros((omega.size, self.blocks.n_scales))
         u = self.uncertainty.magnitude(omega) ** 2
+        all_free = cold = True  # compiled code takes no keywords
         sweep(
             self.blocks.packed(omega),
             c,
             u,
             b,
             self.blocks.layout,
-            True,
+            all_free,
             COLD,
             FINE,
-            True,
+            cold,
             y,
         )
         return np.asarray(np.exp(0.5 * y))

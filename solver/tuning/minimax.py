@@ -2,17 +2,21 @@
 
 At the present point the levels are linearised in the parameters, the demands in s, and
 
-    minimise  ds + d'B d/2   subject to  demand_k + demand_k' ds <= level_k + gradient_k d,
+    minimise  ds + penalty e + d'B d/2
+    subject to  demand_k + demand_k' ds <= level_k + gradient_k d + e,  e >= 0,
     |d| <= radius, bounds on the parameters
 
-is solved by a dual active-set method. A step counts only if the exact minimax value falls by a
-tenth of what the model promises, so every iterate is feasible and stable. B follows the
+is solved by a dual active-set method. A level is the least of those of several blocks, so it may
+bend sharply: the planes of recently rejected points stand beside the present ones, as in a bundle
+method. A step counts only if the exact merit falls by a tenth of what the model promises, so
+every iterate is stable. B follows the
 curvature of the Lagrangian by damped BFGS updates (Powell 1978). The method ends at a point from
 which no descent of first order exists, a local optimum; it knows nothing of other ones.
 """
 
 from __future__ import annotations
 
+import math
 from ctypes import c_int
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -20,8 +24,10 @@ from typing import TYPE_CHECKING
 import daqp
 import numpy as np
 
+from solver.tuning.objective import PENALTY
+
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
@@ -30,9 +36,14 @@ if TYPE_CHECKING:
 __all__ = ["Box", "minimise"]
 
 FIRST_RADIUS = 0.5  # in log parameter: a factor of 1.6
+FIRST_CURVATURE = 0.1
+BUNDLE = 4  # rejected points whose planes are kept,
+NEAR = 0.1  # while they are so near
+ENOUGH = 0.1  # share of the promise that makes a step count
 LARGEST_RADIUS = 2.0
 SMALLEST_RADIUS = 1e-9
 CURVATURE_OF_S = 1e-2  # makes the program strictly convex; of no effect as ds goes to 0
+LEAST_CURVATURE = 1e-3  # keeps B regular; the radius, not this, limits the step
 FEASIBILITY = 1e-11  # constraints of the program hold to this, below any tolerance in s
 NEAR_ACTIVE = 4.0  # frequencies with more room than this cannot become active in one step
 
@@ -86,83 +97,116 @@ def minimise(
     """
     here = start
     radius = FIRST_RADIUS
-    size = here.theta.size
-    B = np.eye(size) * 0.1
+    B = np.eye(here.theta.size) * FIRST_CURVATURE
+    bundle: list[Evaluation] = []
     for _ in range(max_iterations):
         checkpoint(here.value)
-        if here.value <= good_enough:
+        if here.merit <= good_enough:
             break
-        step = _subproblem(objective, here, B, box, radius)
+        model = _Model(objective, box, B, radius, bundle)
+        step = model.step(here)
         if step is None or step.promise < tolerance:
             break
         there = objective.evaluate(here.theta + step.d, near=here)
-        fall = here.value - there.value
-        if not fall > 0.1 * step.promise and np.isfinite(there.value):
-            # Second-order correction: the model's constants taken from the trial point.
-            corrected = _subproblem(objective, here, B, box, radius, there, step.d)
-            if corrected is not None:
-                again = objective.evaluate(here.theta + corrected.d, near=there)
-                if again.value < there.value:
-                    there, fall = again, here.value - again.value
-                    step = _Step(corrected.d, step.promise, step.multipliers)
+        if not here.merit - there.merit > ENOUGH * step.promise:
+            step, there = _corrected(model, here, step, there)
         length = float(np.abs(step.d).max())
-        if fall > 0.1 * step.promise:
+        fall = here.merit - there.merit
+        if fall > ENOUGH * step.promise:
             B = _update(B, step, here, there)
             if fall > 0.7 * step.promise and length > 0.5 * radius:
                 radius = min(2 * radius, LARGEST_RADIUS)
             here = there
-        else:
-            radius = 0.3 * min(radius, length)
-            if radius < SMALLEST_RADIUS:
-                break
+            bundle = [e for e in bundle if np.abs(e.theta - here.theta).max() < NEAR]
+            continue
+        if math.isfinite(there.merit):
+            bundle = [*bundle[1 - BUNDLE :], there]
+        radius = 0.3 * min(radius, length)
+        if radius < SMALLEST_RADIUS:
+            break
     return here
 
 
 @dataclass(frozen=True)
 class _Step:
-    """Step d (m,), promised fall of s, multipliers of the frequencies (k,)."""
+    """Step d (m,), promised fall of the merit, multipliers of the frequencies (k,)."""
 
     d: NDArray[np.float64]
     promise: float
     multipliers: NDArray[np.float64]
 
 
-def _subproblem(
-    objective: LoopObjective,
-    here: Evaluation,
-    B: NDArray[np.float64],
-    box: Box,
-    radius: float,
-    trial: Evaluation | None = None,
-    taken: NDArray[np.float64] | None = None,
-) -> _Step | None:
-    size = here.theta.size
-    demand, slope = objective.goal.demand(here.value, objective.omega)
-    level = here.level
-    if trial is not None and taken is not None:
-        level = np.minimum(trial.level, 1e6) - here.gradient @ taken
-    active = np.flatnonzero(here.level - demand < NEAR_ACTIVE)
-    H = np.zeros((size + 1, size + 1))
-    H[:size, :size] = B
-    H[size, size] = CURVATURE_OF_S
-    f = np.zeros(size + 1)
-    f[size] = 1.0
-    A = np.empty((active.size, size + 1))
-    A[:, :size] = -here.gradient[active]
-    A[:, size] = slope[active]
-    upper = np.concatenate([
-        np.minimum(box.high - here.theta, radius), [3.0], (level - demand)[active],
-    ])  # fmt: skip
-    lower = np.concatenate([
-        np.maximum(box.low - here.theta, -radius), [-3.0], np.full(active.size, -1e30),
-    ])  # fmt: skip
-    sense = np.zeros(upper.size, dtype=c_int)
-    x, _, flag, info = daqp.solve(H, f, A, upper, lower, sense, primal_tol=FEASIBILITY, eps_prox=0)
-    if flag < 1:
-        return None
-    multipliers = np.zeros(objective.omega.size)
-    multipliers[active] = np.abs(info["lam"][size + 1 :])
-    return _Step(np.asarray(x[:size]), -float(x[size]), multipliers)
+@dataclass(frozen=True)
+class _Model:
+    """The linearised problem; the bundle's planes stand beside those of the present point."""
+
+    objective: LoopObjective
+    box: Box
+    B: NDArray[np.float64]
+    radius: float
+    bundle: Sequence[Evaluation]
+
+    def step(self, here: Evaluation, trial: Evaluation | None = None) -> _Step | None:
+        """Return the model's best step from `here`, or None if the program has no solution.
+
+        With a `trial` point the levels at `here` are replaced by those that the model's slopes
+        and the levels at the trial imply.
+        """
+        size = here.theta.size
+        demand, slope = self.objective.goal.demand(here.s, self.objective.omega)
+        active = np.flatnonzero(here.level - demand < NEAR_ACTIVE)
+        level = here.level
+        if trial is not None:
+            level = trial.level - here.gradient @ (trial.theta - here.theta)
+        rows, room = [_planes(here.gradient, slope, active)], [(level - demand)[active]]
+        for other in self.bundle:
+            # Where the level is a minimum of smooth pieces, this is the piece on the other side. It
+            # must not cut off the present point, as the tangent of a convex level would.
+            there = other.level + ((here.theta - other.theta) * other.gradient).sum(axis=1)
+            seen = active[other.level[active] - demand[active] < NEAR_ACTIVE]
+            rows.append(_planes(other.gradient, slope, seen))
+            room.append((np.maximum(there, here.level) - demand)[seen])
+        H = np.zeros((size + 2, size + 2))
+        H[:size, :size] = self.B + LEAST_CURVATURE * np.eye(size)
+        H[size, size] = H[size + 1, size + 1] = CURVATURE_OF_S
+        f = np.zeros(size + 2)
+        f[size], f[size + 1] = 1.0, PENALTY
+        A = np.concatenate(rows)
+        upper = np.concatenate(
+            [np.minimum(self.box.high - here.theta, self.radius), [3.0, 1e3], *room]
+        )
+        lower = np.full(upper.size, -1e30)
+        lower[:size] = np.maximum(self.box.low - here.theta, -self.radius)
+        lower[size], lower[size + 1] = -3.0, 0.0
+        sense = np.zeros(upper.size, dtype=c_int)
+        x, _, flag, info = daqp.solve(
+            H, f, A, upper, lower, sense, primal_tol=FEASIBILITY, eps_prox=0
+        )
+        if flag < 1:
+            return None
+        multipliers = np.zeros(self.objective.omega.size)
+        multipliers[active] = np.abs(info["lam"][size + 2 : size + 2 + active.size])
+        promise = here.merit - here.s - float(x[size]) - PENALTY * float(x[size + 1])
+        return _Step(np.asarray(x[:size]), promise, multipliers)
+
+
+def _corrected(
+    model: _Model, here: Evaluation, step: _Step, there: Evaluation
+) -> tuple[_Step, Evaluation]:
+    """Second-order correction of a step that fell short, if it does better."""
+    if math.isfinite(there.merit):
+        corrected = model.step(here, there)
+        if corrected is not None:
+            again = model.objective.evaluate(here.theta + corrected.d, near=there)
+            if again.merit < there.merit:
+                return _Step(corrected.d, step.promise, step.multipliers), again
+    return step, there
+
+
+def _planes(
+    gradient: NDArray[np.float64], slope: NDArray[np.float64], rows: NDArray[np.intp]
+) -> NDArray[np.float64]:
+    return np.column_stack([-gradient[rows], slope[rows], np.full(rows.size, -1.0)])
 
 
 def _update(

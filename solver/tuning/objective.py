@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.controllers import DERIVATIVE_FILTER, Controller
+from solver.mu.kernel import COLD
 from solver.mu.scaling import sweep
 from solver.tuning.specification import ControllerKind
 
@@ -28,7 +29,12 @@ if TYPE_CHECKING:
     from solver.blocks import LoopBlocks
     from solver.weights import Performance, Uncertainty
 
-__all__ = ["Evaluation", "Goal", "LoopObjective", "MuGoal", "TauGoal"]
+SEARCH_NU = 1e-7  # barrier parameter of the search: levels right to about that much
+WARM = 1e-4  # first barrier parameter where a neighbour's scales are the start
+
+__all__ = ["PENALTY", "Evaluation", "Goal", "LoopObjective", "MuGoal", "TauGoal"]
+
+PENALTY = 30.0  # price in s of a missing level; more than its multiplier at any optimum seen
 
 
 @dataclass(frozen=True)
@@ -54,6 +60,14 @@ class TauGoal:
         square = np.exp(2 * s) * omega**2
         level = np.log((square + 1) / (square * M**2 + A**2)) - 2 * math.log(self.target)
         return level, 2 * square * (1 / (square + 1) - M**2 / (square * M**2 + A**2))
+
+    def saturated(self, omega: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Values of s, (k,), from which a frequency's demand falls by less than 1/PENALTY.
+
+        There, far above the bandwidth, a frequency is a constraint on the controller and no
+        measure of tau_P: a trifle in the level would stand for any tau_P at all.
+        """
+        return 0.5 * math.log(2 * PENALTY - 1) - np.log(omega)
 
     def attained(
         self, level: NDArray[np.float64], omega: NDArray[np.float64]
@@ -93,6 +107,10 @@ class MuGoal:
         """Level needed at `omega` (k,) for mu^2 = e^s, and its slope in s."""
         return np.full_like(omega, -s), np.full_like(omega, -1.0)
 
+    def saturated(self, omega: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Infinite, (k,): every frequency measures mu."""
+        return np.full_like(omega, np.inf)
+
     def attained(
         self, level: NDArray[np.float64], omega: NDArray[np.float64]
     ) -> NDArray[np.float64]:
@@ -113,6 +131,9 @@ class Evaluation:
         Parameters, logarithms of the magnitudes, controller by controller.
     value : float
         The least s; infinite where a frequency permits none or the loop is unstable.
+    s, merit : float
+        The least s of the frequencies below saturation, and that s with a penalty for what the
+        others miss: finite where `value` is not, and equal to it where nothing is missed.
     level, gradient : (k,), (k, m)
         Level of each frequency, and its gradient in theta.
     y : (k, scales)
@@ -122,6 +143,8 @@ class Evaluation:
 
     theta: NDArray[np.float64]
     value: float
+    s: float
+    merit: float
     level: NDArray[np.float64]
     gradient: NDArray[np.float64]
     y: NDArray[np.float64]
@@ -152,6 +175,7 @@ class LoopObjective:
         blocks: LoopBlocks,
         uncertainty: Uncertainty,
         goal: Goal,
+        *,
         kind: ControllerKind,
         signs: NDArray[np.float64],
         omega: NDArray[np.float64],
@@ -167,12 +191,17 @@ class LoopObjective:
         self._G = blocks.packed(omega)
         self._u = uncertainty.magnitude(omega) ** 2 / goal.target**2
         self._b = goal.weight(omega)
-        self._order: int | None = None
+        self._saturated = goal.saturated(omega)
 
     def on(self, omega: NDArray[np.float64], goal: Goal | None = None) -> LoopObjective:
         """Return the same objective at other frequencies, or with another goal."""
         return LoopObjective(
-            self.blocks, self.uncertainty, goal or self.goal, self.kind, self.signs, omega
+            self.blocks,
+            self.uncertainty,
+            goal or self.goal,
+            kind=self.kind,
+            signs=self.signs,
+            omega=omega,
         )
 
     def controllers(self, theta: NDArray[np.float64]) -> tuple[Controller, ...]:
@@ -188,7 +217,7 @@ class LoopObjective:
         theta: NDArray[np.float64],
         *,
         near: Evaluation | None = None,
-        nu: tuple[float, float] = (1e-2, 1e-7),
+        nu_end: float = SEARCH_NU,
     ) -> Evaluation:
         """Evaluate at `theta`.
 
@@ -198,26 +227,29 @@ class LoopObjective:
             Parameters.
         near : Evaluation or None
             A neighbouring evaluation at the same frequencies, whose scales are the start.
-        nu : (float, float)
-            First and last barrier parameter of the kernel.
+        nu_end : float
+            Last barrier parameter of the kernel.
 
         """
         c, dc = self._response(theta)
         y = np.zeros((self.omega.size, self.blocks.n_scales)) if near is None else near.y.copy()
         level, slope = sweep(
             self._G, c, self._u, self._b, self.blocks.layout, not self.goal.skewed,
-            nu[0], nu[1], near is None, y,
+            COLD if near is None else WARM, nu_end, near is None, y,
         )  # fmt: skip
         gradient = (slope[:, :, None] * dc).real.reshape(self.omega.size, -1)
-        value = float(self.goal.attained(level, self.omega).max())
+        attained = self.goal.attained(level, self.omega)
+        value, s = float(attained.max()), float(np.minimum(attained, self._saturated).max())
+        missing = float((self.goal.demand(s, self.omega)[0] - level).max())
+        merit = s + PENALTY * max(missing, 0.0)
         if self.omega.size > 1 and not self._winds_as_stable(c):
-            value = math.inf
-        return Evaluation(theta, value, level, gradient, y)
+            value = merit = math.inf
+        return Evaluation(theta, value, s, merit, level, gradient, y)
 
     def _response(
         self, theta: NDArray[np.float64]
     ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-        """Controller responses (k, controllers) and their derivatives (k, controllers, params)."""
+        """Return controller responses (k, controllers) and derivatives (k, controllers, params)."""
         values = np.exp(theta).reshape(-1, self.per_controller)
         s = self._s[:, None]
         k, integral_time = self.signs * values[:, 0], values[:, 1]
@@ -261,4 +293,4 @@ class LoopObjective:
         start = det[0] * 1j**order
         turned += math.atan2(start.imag, start.real) if start.real > 0 else math.pi
         turned -= math.atan2(det[-1].imag, det[-1].real)
-        return abs(turned - order * math.pi / 2) < 1.0
+        return bool(abs(turned - order * math.pi / 2) < 1.0)

@@ -17,13 +17,13 @@ from scipy.stats import qmc
 
 from solver.blocks import reduce
 from solver.frequencies import corners, grid, resonances
-from solver.mu.kernel import COLD, FINE
+from solver.mu.kernel import FINE
 from solver.peaks import local_peaks
 from solver.plants import ParallelPlant
 from solver.tuning.bounds import gain_signs, parameter_box
 from solver.tuning.minimax import minimise
 from solver.tuning.objective import Evaluation, Goal, LoopObjective, MuGoal, TauGoal
-from solver.tuning.specification import ControllerKind, Objective, Specification
+from solver.tuning.specification import Objective, Specification
 from solver.weights import Performance
 
 if TYPE_CHECKING:
@@ -36,8 +36,9 @@ if TYPE_CHECKING:
 __all__ = ["Candidate", "GroupingSearch", "Optimum"]
 
 POINTS_PER_DECADE = 11
-SAME_VALUE = 1e-5  # relative difference of s below which two optima may be one
-SAME_PLACE = 0.03  # and of the log parameters
+STARTS_PER_PARAMETER = 3
+SAME_VALUE = 1e-4  # relative difference of s below which two optima may be one
+SAME_PLACE = 0.05  # and of the log parameters
 ROUGH = 1e-5  # tolerance in s of a start's descent
 EXACT = 1e-10  # of the last descent
 SETTLED = 1e-9  # difference of s between grid and refined peaks
@@ -107,7 +108,7 @@ class GroupingSearch:
         omega = grid(1e-2 * bends[0], 30 * bends[-1], POINTS_PER_DECADE, [resonances(plant)])
         signs = gain_signs(plant, groups)
         self.objective = LoopObjective(
-            self.blocks, uncertainty, goal, specification.kind, signs, omega
+            self.blocks, uncertainty, goal, kind=specification.kind, signs=signs, omega=omega
         )
         slow = Performance(performance.max_peak, performance.offset)
         self.feasibility = self.objective.on(omega, MuGoal(slow, target))
@@ -117,11 +118,10 @@ class GroupingSearch:
     @property
     def default_starts(self) -> int:
         """Number of starts when none is asked for: the more parameters, the more optima."""
-        per_parameter = 8 if self.specification.kind is ControllerKind.PID else 6
-        return per_parameter * self.box.low.size
+        return max(4, STARTS_PER_PARAMETER * self.box.low.size)
 
     def starts(self, count: int) -> NDArray[np.float64]:
-        """Starting points (count, m), well spread over the box; the same for the same seed."""
+        """Return starting points (count, m), well spread over the box, that the seed fixes."""
         sampler = qmc.Sobol(self.box.low.size, seed=self.specification.seed)
         unit = sampler.random_base2(max(0, math.ceil(math.log2(count))))[:count]
         return np.asarray(qmc.scale(unit, self.box.low, self.box.high))
@@ -141,14 +141,20 @@ class GroupingSearch:
             if here.value >= 0:
                 return None
             here = self.objective.evaluate(here.theta)
-            if not math.isfinite(here.value):
-                return None
-        here = minimise(self.objective, here, self.box, tolerance=ROUGH, checkpoint=self.checkpoint)
+        if math.isfinite(here.merit):
+            here = minimise(
+                self.objective, here, self.box, tolerance=ROUGH, checkpoint=self.checkpoint
+            )
+        if not math.isfinite(here.value):
+            return None
         self._remember(here)
         return here
 
-    def exact(self, theta: NDArray[np.float64]) -> Candidate | None:
-        """Descend on a grid that holds the refined peaks, until the exact value stands still."""
+    def exact(self, theta: NDArray[np.float64], bar: float = math.inf) -> Candidate | None:
+        """Descend on a grid that holds the refined peaks, until the exact value stands still.
+
+        Gives up where the value on the grid, which is too low if anything, is above `bar`.
+        """
         objective = self.objective
         here = objective.evaluate(theta)
         best: Candidate | None = None
@@ -156,6 +162,8 @@ class GroupingSearch:
             if not math.isfinite(here.value):
                 return best
             here = minimise(objective, here, self.box, tolerance=EXACT, checkpoint=self.checkpoint)
+            if here.value > bar:
+                return None
             candidate = self.measure(here.theta, here.value)
             if best is None or candidate.value < best.value:
                 best = candidate
@@ -175,7 +183,8 @@ class GroupingSearch:
             self.specification.uncertainty,
             self.objective.controllers(theta),
         )
-        low = min(1e-3 * bends[0], self.objective.omega[0])
+        # The limit at low frequency is reached as omega^2: there to 1e-8.
+        low = min(1e-4 * bends[0], self.objective.omega[0])
         high = max(1e2 * bends[-1], self.objective.omega[-1])
         extra = [resonances(self.specification.plant), bends, self.objective.omega]
         omega = grid(low, high, 2 * POINTS_PER_DECADE, extra)
@@ -192,10 +201,8 @@ class GroupingSearch:
             s = exact
         return Candidate(theta, s, peaks)
 
-    def _level(
-        self, theta: NDArray[np.float64], omega: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        level = self.objective.on(omega).evaluate(theta, nu=(COLD, FINE)).level
+    def _level(self, theta: NDArray[np.float64], omega: NDArray[np.float64]) -> NDArray[np.float64]:
+        level = self.objective.on(omega).evaluate(theta, nu_end=FINE).level
         return np.maximum(level, FORBIDDEN)
 
     def _restored(self, objective: LoopObjective, theta: NDArray[np.float64]) -> Evaluation:

@@ -171,18 +171,19 @@ class _Run:
             self.found.append((search, best))
 
     def _exact_best(self, search: GroupingSearch) -> Candidate | None:
-        candidates = []
+        best: Candidate | None = None
+        if self.identical is not None:
+            theta = np.tile(self.identical.theta, len(search.groups))
+            best = search.measure(theta, self.identical.value)
         for optimum in search.optima[:POLISHED]:
-            candidate = search.exact(optimum.evaluation.theta)
-            if candidate is None:
+            bar = math.inf if best is None else best.value
+            candidate = search.exact(optimum.evaluation.theta, bar)
+            if candidate is None or candidate.value >= bar:
                 continue
             loops = search.blocks.expand(search.objective.controllers(candidate.theta))
             if unstable_poles(self.specification.plant, loops) == 0:
-                candidates.append(candidate)
-        if self.identical is not None:
-            theta = np.tile(self.identical.theta, len(search.groups))
-            candidates.append(search.measure(theta, self.identical.value))
-        return min(candidates, key=lambda c: c.value, default=None)
+                best = candidate
+        return best
 
     def _keep_what_there_is(self) -> None:
         for search in self.searches:
@@ -285,8 +286,10 @@ class _Run:
         search = next(s for s in self.searches if s.groups in self.partitions)
         if self.status is Status.TIME_LIMIT:
             reason = "no feasible settings were found within the time limit"
-            return _infeasible(self.specification, search.groups, self.clock, reason, None,
-                               Status.TIME_LIMIT)  # fmt: skip
+            return _infeasible(
+                self.specification, search.groups, self.clock, reason, None,
+                status=Status.TIME_LIMIT,
+            )  # fmt: skip
         closest = [s.closest for s in self.searches if s.closest is not None]
         if not closest:
             reason = "no stabilising settings were found within the parameter bounds"
@@ -308,6 +311,7 @@ def _infeasible(
     clock: _Clock,
     reason: str,
     omega: float | None,
+    *,
     status: Status = Status.INFEASIBLE,
 ) -> Tuning:
     return Tuning(
