@@ -60,7 +60,7 @@ class KeyFile:
         self._stamp: tuple[int, int] | None = None
         self._keys: dict[str, Key] = {}
 
-    def keys(self) -> list[Key]:
+    def all(self) -> list[Key]:
         """Return all keys.
 
         Raises
@@ -76,12 +76,12 @@ class KeyFile:
         """Add a key and return its token, which is shown this once."""
         key_id, secret = secrets.token_hex(8), secrets.token_urlsafe(32)
         key = Key(key_id, name, tuple(scopes), _digest(secret), time.time())
-        self._write([*self.keys(), key])
+        self._write([*self.all(), key])
         return f"{_PREFIX}_{key_id}_{secret}"
 
     def revoke(self, key_id: str) -> bool:
         """Remove a key; return whether there was one."""
-        keys = self.keys()
+        keys = self.all()
         left = [key for key in keys if key.id != key_id]
         if len(left) < len(keys):
             self._write(left)

@@ -110,11 +110,14 @@ def serve(
     *,
     host: Annotated[str, typer.Option(help="Address to listen on.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(min=0, max=65535, help="0: any free port.")] = 8000,
+    insecure: Annotated[
+        bool, typer.Option("--insecure", help="Listen beyond this machine without API keys.")
+    ] = False,
 ) -> None:
     """Serve the HTTP API and the page."""
     from service.cli.serving import serve as run  # noqa: PLC0415 - heavy
 
-    raise typer.Exit(run(host, port))
+    raise typer.Exit(run(host, port, insecure=insecure))
 
 
 @app.command()
@@ -123,6 +126,38 @@ def worker(*, scheduler: Scheduler = None) -> None:
     from service.cli.worker import work  # noqa: PLC0415 - heavy
 
     raise typer.Exit(work(scheduler))
+
+
+keys = typer.Typer(help="API keys, in the file named by MUTUNE_API_KEYS_FILE.")
+app.add_typer(keys, name="keys", no_args_is_help=True)
+
+
+@keys.command("create")
+def create_key(
+    name: Annotated[str, typer.Argument(help="Whose key it is.")],
+    *,
+    read_only: Annotated[bool, typer.Option("--read-only", help="May look, not start.")] = False,
+) -> None:
+    """Create a key and print it; it cannot be shown again."""
+    from service.cli.keys import create  # noqa: PLC0415 - heavy
+
+    raise typer.Exit(create(name, read_only=read_only))
+
+
+@keys.command("list")
+def list_keys() -> None:
+    """List the keys."""
+    from service.cli.keys import listing  # noqa: PLC0415 - heavy
+
+    raise typer.Exit(listing())
+
+
+@keys.command("revoke")
+def revoke_key(key_id: Annotated[str, typer.Argument(help="First column of the list.")]) -> None:
+    """Remove a key."""
+    from service.cli.keys import revoke  # noqa: PLC0415 - heavy
+
+    raise typer.Exit(revoke(key_id))
 
 
 def main() -> None:

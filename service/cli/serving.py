@@ -3,19 +3,45 @@
 from __future__ import annotations
 
 import contextlib
+import ipaddress
+import socket
 
 import uvicorn
+from fastapi import FastAPI
 
+from service import logs
 from service.app import create_app
-from service.cli.outcomes import ExitCode, reported
+from service.cli.outcomes import ExitCode, reported, say
+from service.settings import Settings
 
 __all__ = ["serve"]
 
 _GRACE = 5  # seconds for open connections at the end
 
 
+class _Server(uvicorn.Server):
+    """A server that ends its streams at shutdown, before it waits for connections to close."""
+
+    def __init__(self, app: FastAPI, host: str, port: int) -> None:
+        self._app = app
+        super().__init__(
+            uvicorn.Config(
+                app,
+                host=host,
+                port=port,
+                timeout_graceful_shutdown=_GRACE,
+                log_config=None,
+                access_log=False,
+            )
+        )
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        self._app.state.watcher.close()
+        await super().shutdown(sockets)
+
+
 @reported
-def serve(host: str, port: int) -> ExitCode:
+def serve(host: str, port: int, *, insecure: bool = False) -> ExitCode:
     """Serve the API and the page until Ctrl-C or SIGTERM.
 
     Parameters
@@ -24,15 +50,35 @@ def serve(host: str, port: int) -> ExitCode:
         Address to listen on.
     port : int
         Port to listen on; 0 lets the system choose.
+    insecure : bool
+        Listen beyond this machine though no API keys are set.
 
     Returns
     -------
     ExitCode
-        DONE once stopped; FAILED where the service could not start.
+        DONE once stopped; BAD_INPUT where the address needs API keys and there are none; FAILED
+        where the service could not start.
 
     """
-    config = uvicorn.Config(create_app(), host=host, port=port, timeout_graceful_shutdown=_GRACE)
-    server = uvicorn.Server(config)
+    settings = Settings()
+    if settings.api_keys_file is None and not insecure and not _is_loopback(host):
+        say(
+            f"error: {host} is open to others and no API keys are set. Create some (mutune keys "
+            "create) and set MUTUNE_API_KEYS_FILE, or pass --insecure."
+        )
+        return ExitCode.BAD_INPUT
+    logs.configure()
+    server = _Server(create_app(settings), host, port)
     with contextlib.suppress(KeyboardInterrupt):  # uvicorn raises it again once it has shut down
         server.run()
     return ExitCode.DONE if server.started else ExitCode.FAILED
+
+
+def _is_loopback(host: str) -> bool:
+    """Whether only this machine reaches `host`."""
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False

@@ -8,6 +8,7 @@ import signal
 from distributed import Nanny
 
 from service.cli.outcomes import ExitCode, reported, say
+from service.jobs import processes
 from service.settings import Settings
 
 __all__ = ["work"]
@@ -38,6 +39,7 @@ def work(scheduler: str | None) -> ExitCode:
 
 
 async def _work(address: str, workers: int) -> None:
+    processes.prepare()
     stopped = asyncio.Event()
     loop = asyncio.get_running_loop()
     for name in (signal.SIGINT, signal.SIGTERM):

@@ -82,6 +82,7 @@ class Engine:
         self._cluster: LocalCluster | None = None
         self._client: Client | None = None
         self._supervision: asyncio.Task[None] | None = None
+        self._closing = asyncio.Event()
         self._admitted: set[str] = set()
         self._refused: set[str] = set()
         self._leaving: set[str] = set()
@@ -108,10 +109,10 @@ class Engine:
 
     async def close(self) -> None:
         """Let go of the scheduler and stop own workers."""
+        # Not cancelled: a cluster stopped in the middle of its start leaves processes behind.
+        self._closing.set()
         if self._supervision is not None:
-            self._supervision.cancel()
-            with contextlib.suppress(asyncio.CancelledError):
-                await self._supervision
+            await self._supervision
         await self._disconnect()
         if self._cluster is not None:
             await self._cluster.close()
@@ -193,7 +194,7 @@ class Engine:
 
     async def _supervise(self) -> None:
         """Keep connected and keep the list of admitted workers up to date."""
-        while True:
+        while not self._closing.is_set():
             try:
                 if self._client is None:
                     self._client = await self._connect()
@@ -201,7 +202,9 @@ class Engine:
             except (CommClosedError, OSError, RuntimeError) as error:
                 logger.warning("no connection to the scheduler: %s", error)
                 await self._disconnect()
-            await asyncio.sleep(_POLL)
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(_POLL):
+                    await self._closing.wait()
 
     async def _connect(self) -> Client:
         if self._address is None and self._cluster is None:
@@ -255,7 +258,7 @@ class Engine:
 
 
 async def _local_cluster(workers: int) -> LocalCluster:
-    """Return one process a worker, one thread each."""
+    """Return running processes of one thread each."""
     processes.prepare()
     cluster: LocalCluster = await LocalCluster(
         n_workers=workers,

@@ -44,6 +44,19 @@ class Watcher:
         self._store = store
         self._watched: dict[str, _Watched] = {}
         self._poke = asyncio.Event()
+        self._closed = False
+
+    @property
+    def closed(self) -> bool:
+        """Whether the service is going down."""
+        return self._closed
+
+    def close(self) -> None:
+        """End all watching: the service is going down."""
+        self._closed = True
+        for watched in self._watched.values():
+            watched.state = None
+            watched.changed.set()
 
     def poke(self) -> None:
         """Look now: this process has just written."""
@@ -87,12 +100,15 @@ class Watcher:
                 del self._watched[job_id]
 
     async def changes(self, job_id: str) -> AsyncIterator[Snapshot]:
-        """Yield the state now and at each change, the last one final; end if the job is gone."""
+        """Yield the state now and at each change, the last one final.
+
+        Ends early when the job is deleted or the service goes down.
+        """
         with self._watching(job_id) as watched:
             changed = watched.changed
             states = await asyncio.to_thread(self._store.snapshots, [job_id])
             state = states.get(job_id)
-            while state is not None:
+            while state is not None and not self._closed:
                 yield state
                 if state.status in FINAL:
                     return

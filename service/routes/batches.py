@@ -156,7 +156,10 @@ async def get_results(
 
 async def _results(request: Request, batch_id: str, start: int) -> AsyncIterator[str]:
     state = request.app.state
-    while items := await asyncio.to_thread(state.store.batch_items, batch_id, start, _PAGE):
+    while not state.watcher.closed:
+        items = await asyncio.to_thread(state.store.batch_items, batch_id, start, _PAGE)
+        if not items:
+            return
         ended = []
         for item in items:
             if item.outcome.status not in FINAL:

@@ -5,10 +5,11 @@ from __future__ import annotations
 import asyncio
 import json
 
-from fastapi import APIRouter, Request, Response
+from fastapi import APIRouter, Depends, Request, Response
 from prometheus_client import CONTENT_TYPE_LATEST
 from pydantic import BaseModel, Field
 
+from service.access import authenticate
 from service.jobs.transactions import StoreUnavailableError
 from service.routes.common import described, json_response, problems
 
@@ -69,6 +70,7 @@ async def readyz(request: Request) -> Response:
 
 @router.get(
     "/metrics",
+    dependencies=[Depends(authenticate)],
     summary="Metrics for Prometheus",
     response_class=Response,
     responses={
@@ -76,7 +78,7 @@ async def readyz(request: Request) -> Response:
             "description": "Metrics in the text format of Prometheus.",
             "content": {"text/plain": {"schema": {"type": "string"}}},
         },
-        **problems(503),
+        **problems(401, 403, 429, 503),
     },
 )
 async def metrics(request: Request) -> Response:

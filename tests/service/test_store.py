@@ -1,0 +1,238 @@
+"""The job table, on SQLite and on PostgreSQL alike."""
+
+import json
+import threading
+import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import postgres
+import pytest
+from sqlalchemy import Engine, delete, event, func, select, text
+
+from service.jobs import database
+from service.jobs.models import BatchItemRow, BatchRow, JobRow
+from service.jobs.queue import Queue
+from service.jobs.records import JobStatus, NewJob, Outcome, Priority
+from service.jobs.store import IdempotencyConflictError, QueueFullError, Store
+from service.jobs.transactions import StoreUnavailableError, Transactions
+
+DONE = Outcome(JobStatus.SUCCEEDED, result="{}")
+TABLES = (JobRow, BatchRow, BatchItemRow)
+
+
+@pytest.fixture(scope="module")
+def postgres_url() -> Iterator[str]:
+    """Return the URL of a PostgreSQL cluster."""
+    with postgres.cluster() as url:
+        yield url
+
+
+@pytest.fixture(params=["sqlite", "postgresql"])
+def engine(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Engine]:
+    """Return connections to an empty, migrated database."""
+    if request.param == "sqlite":
+        engine = database.connect(f"sqlite:///{tmp_path / 'test.sqlite3'}")
+    else:
+        engine = database.connect(request.getfixturevalue("postgres_url"))
+    database.migrate(engine)
+    yield engine
+    with engine.begin() as connection:
+        for table in reversed(TABLES):
+            connection.execute(delete(table))
+    engine.dispose()
+
+
+@pytest.fixture
+def store(engine: Engine) -> Store:
+    """Return the callers' side."""
+    return Store(Transactions(engine), max_queued=1000)
+
+
+@pytest.fixture
+def queue(engine: Engine) -> Queue:
+    """Return the dispatcher's side."""
+    return Queue(Transactions(engine))
+
+
+def job(number: int = 0) -> NewJob:
+    """Return a job that differs from those of other numbers."""
+    return NewJob(json.dumps({"number": number}), time_limit=60)
+
+
+def rows(engine: Engine) -> list[int]:
+    """Return the number of rows in each table."""
+    with engine.connect() as connection:
+        counts = [connection.scalar(select(func.count()).select_from(table)) for table in TABLES]
+        return [count or 0 for count in counts]
+
+
+def test_migration_is_repeatable_and_safe_at_the_same_time(engine: Engine) -> None:
+    """Several processes may bring the schema up to date at once."""
+    with ThreadPoolExecutor(4) as pool:
+        for future in [pool.submit(database.migrate, engine) for _ in range(8)]:
+            future.result()
+
+
+def test_interactive_before_batch_then_oldest_first(store: Store, queue: Queue) -> None:
+    """The queue is served in turn."""
+    store.submit_batch("", [job(0), job(1)])
+    singles = [store.submit("", job(number)).id for number in (2, 3)]
+    claims = queue.claim(3)
+    assert [claim.id for claim in claims[:2]] == singles
+    assert json.loads(claims[2].request) == {"number": 0}
+    assert claims[2].priority is Priority.BATCH
+    assert [json.loads(claim.request)["number"] for claim in queue.claim(9)] == [1]
+
+
+def test_no_job_is_claimed_twice(store: Store, queue: Queue) -> None:
+    """Claims at the same time share the queue without overlap."""
+    store.submit_batch("", [job(number) for number in range(60)])
+    with ThreadPoolExecutor(4) as pool:
+        claims = list(pool.map(queue.claim, [5] * 20))
+    ids = [claim.id for some in claims for claim in some]
+    assert len(ids) == len(set(ids)) == 60
+
+
+def test_only_the_first_end_counts(store: Store, queue: Queue) -> None:
+    """A second result for the same job changes nothing."""
+    job_id = store.submit("", job()).id
+    queue.claim(1)
+    assert queue.finish(job_id, DONE)
+    assert not queue.finish(job_id, Outcome(JobStatus.FAILED, error="{}"))
+    queue.requeue([job_id])
+    queue.requeue_all()
+    ended = store.get("", job_id)
+    assert ended.snapshot.status is JobStatus.SUCCEEDED
+    assert ended.result == "{}"
+
+
+def test_running_jobs_go_back_unless_they_are_to_be_cancelled(store: Store, queue: Queue) -> None:
+    """When the dispatcher is gone its jobs are queued again; cancelled ones end."""
+    kept, dropped = store.submit("", job(0)).id, store.submit("", job(1)).id
+    queue.claim(2)
+    queue.record_progress({kept: (0.5, 1.0)})
+    store.cancel("", dropped)
+    assert queue.cancellations([kept, dropped]) == [dropped]
+    queue.requeue_all()
+    assert store.snapshots([kept])[kept].status is JobStatus.QUEUED
+    assert store.snapshots([kept])[kept].fraction == 0
+    assert store.get("", dropped).snapshot.status is JobStatus.CANCELLED
+    assert store.get("", dropped).finished_at is not None
+
+
+def test_lost_workers_are_counted(store: Store, queue: Queue) -> None:
+    """Each loss of a worker counts as an attempt; being put back does not."""
+    job_id = store.submit("", job()).id
+    attempts = []
+    for put_back in (
+        lambda: queue.requeue_after_loss(job_id),
+        lambda: queue.requeue([job_id]),
+        lambda: queue.requeue_after_loss(job_id),
+        queue.requeue_all,
+    ):
+        attempts.append(queue.claim(1)[0].attempts)
+        put_back()
+    assert attempts == [0, 1, 1, 2]
+
+
+def test_owners_do_not_see_each_other(store: Store) -> None:
+    """What belongs to one key does not exist for another."""
+    job_id = store.submit("ann", job()).id
+    batch_id = store.submit_batch("ann", [job()]).id
+    for call, identifier in (
+        (store.get, job_id),
+        (store.cancel, job_id),
+        (store.get_batch, batch_id),
+        (store.cancel_batch, batch_id),
+    ):
+        with pytest.raises(KeyError):
+            call("bob", identifier)
+    assert store.page("bob", below=None, limit=10) == []
+    assert store.get("ann", job_id).snapshot.status is JobStatus.QUEUED
+
+
+def test_idempotency_key_creates_one_job_whatever_the_race(store: Store, engine: Engine) -> None:
+    """Requests with the same key at the same time create one job; owners have their own keys."""
+    barrier = threading.Barrier(8)
+
+    def submit(_: int) -> str:
+        barrier.wait()
+        return store.submit("ann", job(), "key").id
+
+    with ThreadPoolExecutor(8) as pool:
+        assert len(set(pool.map(submit, range(8)))) == 1
+    store.submit("bob", job(1), "key")
+    with pytest.raises(IdempotencyConflictError):
+        store.submit("ann", job(1), "key")
+    assert rows(engine)[0] == 2
+
+
+def test_batch_beyond_the_quota_leaves_nothing(engine: Engine) -> None:
+    """A batch that does not fit is refused as a whole; others still have room."""
+    store = Store(Transactions(engine), max_queued=3)
+    with pytest.raises(QueueFullError):
+        store.submit_batch("ann", [job(number) for number in range(4)])
+    assert rows(engine) == [0, 0, 0]
+    store.submit_batch("ann", [job(0), job(1), job(2), job(0)])
+    with pytest.raises(QueueFullError):
+        store.submit("ann", job(5))
+    store.submit("bob", job(5))
+
+
+def test_expired_jobs_and_batches_leave_nothing(store: Store, queue: Queue, engine: Engine) -> None:
+    """What ended long ago goes with all its rows; a batch stays until its last job has ended."""
+    store.submit("", job(0))
+    batch = store.submit_batch("", [job(1), job(2), job(1)])
+    for claim in queue.claim(2):
+        queue.finish(claim.id, DONE)
+    queue.expire(time.time() + 1)
+    assert rows(engine) == [2, 1, 3]
+    store.cancel_batch("", batch.id)
+    queue.expire(time.time() - 60)
+    assert rows(engine) == [2, 1, 3]
+    queue.expire(time.time() + 1)
+    assert rows(engine) == [0, 0, 0]
+
+
+def test_numbers_of_jobs_are_not_used_again(store: Store, queue: Queue) -> None:
+    """A cursor cannot meet a number that once stood for another job."""
+    first = store.submit("", job(0))
+    store.cancel("", first.id)
+    queue.expire(time.time() + 1)
+    assert store.submit("", job(1)).sequence > first.sequence
+
+
+def test_second_process_on_a_sqlite_file_is_refused(tmp_path: Path) -> None:
+    """A SQLite file serves one process; the message says what to do."""
+    url = f"sqlite:///{tmp_path / 'test.sqlite3'}"
+    with (
+        database.sole_user(url),
+        pytest.raises(database.DatabaseInUseError, match="MUTUNE_DATA_DIR"),
+        database.sole_user(url),
+    ):
+        pass
+    with database.sole_user(url):
+        pass
+
+
+@pytest.mark.parametrize(
+    "pragma", ["PRAGMA query_only = ON", "PRAGMA max_page_count = 1", "PRAGMA busy_timeout = 1"]
+)
+def test_database_that_takes_nothing_is_unavailable(tmp_path: Path, pragma: str) -> None:
+    """Read-only, full and locked databases refuse a job without half of it remaining."""
+    engine = database.connect(f"sqlite:///{tmp_path / 'test.sqlite3'}")
+    database.migrate(engine)
+    engine.dispose()
+    event.listen(engine, "connect", lambda connection, _: connection.execute(pragma))
+    store = Store(Transactions(engine), max_queued=10)
+    other = database.connect(str(engine.url))
+    with other.connect().execution_options(writes=True) as holder:
+        if "busy" in pragma:
+            holder.execute(text("SELECT 1"))  # begins as a writer
+        with pytest.raises(StoreUnavailableError):
+            store.submit_batch("", [NewJob("x" * 10_000, 60), job(1)])
+    assert rows(other) == [0, 0, 0]
+    engine.dispose()
+    other.dispose()
