@@ -1,0 +1,25 @@
+"""Plotly figures of all results, built once for the page, the notebook and the report."""
+
+from service.figures.frequency import controllers, mu, sensitivity
+from service.figures.interaction import interaction
+from service.figures.responses import Directed, relay, step_response, tuned_response
+from service.figures.search import landscape, trade_off
+from service.figures.style import Theme, template
+from service.figures.tuning import TuningFigures, tuning_figures
+
+__all__ = [
+    "Directed",
+    "Theme",
+    "TuningFigures",
+    "controllers",
+    "interaction",
+    "landscape",
+    "mu",
+    "relay",
+    "sensitivity",
+    "step_response",
+    "template",
+    "trade_off",
+    "tuned_response",
+    "tuning_figures",
+]

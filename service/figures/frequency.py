@@ -1,0 +1,209 @@
+"""Figures over frequency: mu, controllers, sensitivities.
+
+The forms of Skogestad, Lundstrom and Hovd (1989), figs. 4 to 7.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import plotly.graph_objects as go
+from numpy.typing import NDArray
+
+from service.figures.panels import Panels
+from service.figures.style import FREQUENCY, IDENTICAL, NEUTRAL, THIN, line, log_axis
+from service.schemas.encoding import encode
+from service.schemas.robustness import Curves, Peak, Peaks
+from service.tuned import Tuned
+from service.wording import number
+from solver.blocks import group_loops
+from solver.controllers import Controller
+from solver.margins import loop_transfer
+from solver.plants import Plant
+from solver.robustness import LoopAnalysis
+from solver.stability import is_stable
+from solver.subsystems import subsystem
+
+__all__ = ["controllers", "identical_curves", "mu", "sensitivity"]
+
+_ACTIVE = 5e-3  # relative distance from the highest peak up to which a grid's peak is marked
+_BELOW_BANDWIDTH = 1e-2
+_CURVES = (
+    ("robust performance", "robust_performance", "circle"),
+    ("robust stability", "robust_stability", "diamond"),
+    ("nominal performance", "nominal_performance", "square"),
+)
+
+
+def mu(
+    curves: Curves,
+    peaks: Peaks,
+    *,
+    lower_bound: Peak | None = None,
+    identical: Curves | None = None,
+) -> go.Figure:
+    """Return mu over frequency: three curves, their peaks, and the level that must be kept.
+
+    Parameters
+    ----------
+    curves, peaks : Curves, Peaks
+        Of a tuning or an analysis.
+    lower_bound : Peak or None
+        Lower bound of the robust performance peak.
+    identical : Curves or None
+        Those of the best identical settings at the same demand.
+
+    """
+    peak = peaks.robust_performance
+    panels = Panels(
+        "Robustness: μ over frequency",
+        f"Robust performance peaks at μ = {number(peak.value)} at ω = {number(peak.omega)}; up to "
+        "1 the demand is met for every plant in the uncertainty set. Marks: the active peaks.",
+    )
+    for index, (name, field, symbol) in enumerate(_CURVES):
+        style = line(index)
+        panels.curve(curves.omega, getattr(curves, field), name, style)
+        marks = _marks(curves, getattr(curves, field), getattr(peaks, field))
+        panels.curve(
+            [mark.omega for mark in marks], [mark.value for mark in marks], name, style,
+            mode="markers", marker={"color": style["color"], "symbol": symbol, "size": 8},
+        )  # fmt: skip
+    if identical is not None:
+        panels.curve(
+            identical.omega, identical.robust_performance,
+            "robust performance, identical settings", IDENTICAL,
+        )  # fmt: skip
+    if lower_bound is not None:
+        panels.curve(
+            [lower_bound.omega], [lower_bound.value], "lower bound of the peak", THIN,
+            mode="markers", marker={"color": NEUTRAL, "symbol": "triangle-up-open", "size": 11},
+        )  # fmt: skip
+    panels.x(1, FREQUENCY, **log_axis(curves.omega, 0.02))
+    panels.y(1, "μ (1)", rangemode="tozero", hoverformat=".5g")
+    panels.level(1.0, "level 1")
+    return panels.figure()
+
+
+def _marks(curves: Curves, values: list[float | None], peak: Peak) -> list[Peak]:
+    """Return the highest peak and the peaks of the grid that come as high."""
+    heights = np.array(values, dtype=float)
+    if peak.value is None or peak.omega is None or heights.size == 0:
+        return []
+    padded = np.concatenate([[-np.inf], np.nan_to_num(heights, nan=-np.inf), [-np.inf]])
+    tops = (padded[1:-1] >= padded[:-2]) & (padded[1:-1] > padded[2:])
+    omega = np.array(curves.omega)
+    # The refined peak stands for the one of the grid beside it.
+    apart = np.abs(np.log(omega / peak.omega)) > 2 * np.max(np.diff(np.log(omega)), initial=0)
+    chosen = np.flatnonzero(tops & apart & (heights >= (1 - _ACTIVE) * peak.value))
+    return [peak, *(Peak(value=heights[index], omega=omega[index]) for index in chosen)]
+
+
+def identical_curves(tuned: Tuned) -> Curves | None:
+    """Return the curves of the best identical settings at the demand of the result."""
+    if not tuned.identical or tuned.result.curves is None:
+        return None
+    analysis = _analysis(tuned, tuned.identical)
+    return Curves.model_validate(encode(analysis.curves(np.array(tuned.result.curves.omega))))
+
+
+def controllers(tuned: Tuned) -> go.Figure:
+    """Return gain and phase of the controllers, identical ones beside. Needs settings."""
+    omega = _omega(tuned)
+    panels = Panels(
+        "Controllers: gain and phase",
+        "Frequency responses of the different settings"
+        + (", the best identical setting beside." if tuned.identical else "."),
+        rows=2,
+        height=480,
+    )
+    drawn = [
+        (setting.label, setting.controller, line(index))
+        for index, setting in enumerate(tuned.settings)
+    ]
+    if tuned.identical:
+        drawn.append(("identical settings", tuned.identical[0], IDENTICAL))
+    gains = []
+    for name, controller, style in drawn:
+        response = controller.response(omega)
+        gains.append(np.abs(response))
+        panels.curve(omega, gains[-1], name, style)
+        panels.curve(omega, np.degrees(np.unwrap(np.angle(response))), name, style, row=2)
+    shown = _shown(tuned, omega)
+    panels.shared_x(FREQUENCY, **log_axis(omega[shown]))
+    panels.y(1, "|c(jω)|<br>(input/output)", **log_axis(np.array(gains)[:, shown].flat, 0.05))
+    panels.y(2, "phase of c<br>(degrees)", dtick=45)
+    return panels.figure()
+
+
+def sensitivity(tuned: Tuned) -> go.Figure:
+    """Return |S| of each loop alone and the largest singular value of S, all closed.
+
+    Needs settings. Loops that are unstable alone have no |S|.
+    """
+    omega = _omega(tuned)
+    panels = Panels(
+        "Sensitivity: each loop alone, and all closed",
+        "Above: |S| of each loop with the others open. Below: the largest singular value of S "
+        "with all loops closed, under the bound that the demand sets; interaction shows as the "
+        "bandwidth lost from above to below.",
+        rows=2,
+        height=520,
+    )
+    alone = [
+        (f"{setting.label} alone", line(index), _alone(tuned.plant, tuned.loops, setting.units[0]))
+        for index, setting in enumerate(tuned.settings)
+    ]
+    all_closed = line(len(tuned.settings))
+    together = [("all closed", all_closed, _together(tuned, tuned.loops, omega))]
+    if tuned.identical:
+        name = "identical settings"
+        alone.append((name, IDENTICAL, _alone(tuned.plant, tuned.identical, 0)))
+        together.append((name, IDENTICAL, _together(tuned, tuned.identical, omega)))
+    bound = 1 / tuned.performance.magnitude(omega)
+    together.append(("bound 1/|w<sub>P</sub>|", THIN, bound))
+    shown = _shown(tuned, omega)
+    panels.shared_x(FREQUENCY, **log_axis(omega[shown]))
+    titles = ("|S|, loop alone<br>(1)", "σ<sub>max</sub>(S), all closed<br>(1)")  # noqa: RUF001
+    single = [(name, style, S(omega)) for name, style, S in alone if S is not None]
+    for row, title, drawn in zip((1, 2), titles, (single, together), strict=True):
+        for name, style, values in drawn:
+            panels.curve(omega, values, name, style, row=row)
+        seen = np.array([values[shown] for _, _, values in drawn])
+        panels.y(row, title, **log_axis(seen.flat, 0.05))
+    return panels.figure()
+
+
+def _shown(tuned: Tuned, omega: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Tell which frequencies are near enough to the demanded bandwidth 1/tau_P to show."""
+    return omega * (tuned.result.tau_p or np.inf) >= _BELOW_BANDWIDTH
+
+
+def _omega(tuned: Tuned) -> NDArray[np.float64]:
+    curves = tuned.result.curves
+    return np.array([] if curves is None else curves.omega)
+
+
+def _alone(
+    plant: Plant, loops: tuple[Controller, ...], unit: int
+) -> Callable[[NDArray[np.float64]], NDArray[np.float64]] | None:
+    """Return |S| of one loop as a function of frequency (k,), None where it is unstable."""
+    single, loop = subsystem(plant, loops, (unit,))
+    if not is_stable(single, loop):
+        return None
+    L = loop_transfer(single, loop, 0)
+    return lambda omega: np.abs(1 / (1 + L(omega)))
+
+
+def _together(
+    tuned: Tuned, loops: tuple[Controller, ...], omega: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return sigma_max(S): the bound of nominal performance, its weight divided out."""
+    nominal = _analysis(tuned, loops).nominal_performance(omega)
+    values: NDArray[np.float64] = nominal / tuned.performance.magnitude(omega)
+    return values
+
+
+def _analysis(tuned: Tuned, loops: tuple[Controller, ...]) -> LoopAnalysis:
+    blocks, distinct = group_loops(tuned.plant, loops, tuned.uncertainty.structure)
+    return LoopAnalysis(blocks, distinct, tuned.uncertainty, tuned.performance)

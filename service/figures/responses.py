@@ -1,0 +1,127 @@
+"""Figures over time: step responses and relay experiments.
+
+Responses to set-point steps in the form of Skogestad, Lundstrom and Hovd (1989), figs. 8 to 10.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import plotly.graph_objects as go
+
+from service.figures.panels import Panels
+from service.figures.style import IDENTICAL, THIN, TIME, line
+from service.schemas.drawn import DrawnRelayExperiment, DrawnStepResponse, DrawnUnits
+from service.wording import loops_text, units_text
+
+__all__ = ["Directed", "relay", "step_response", "tuned_response"]
+
+_OUTPUT, _INPUT = "output y<br>(output units)", "input u<br>(input units)"
+
+
+@dataclass(frozen=True)
+class Directed:
+    """Responses of tuned loops to one change of the set points.
+
+    Attributes
+    ----------
+    title, description : str
+        What is changed.
+    nominal : DrawnStepResponse
+        Of the model.
+    worst : DrawnStepResponse or None
+        With the worst input perturbation.
+    identical : DrawnStepResponse or None
+        Of the model under the best identical settings.
+
+    """
+
+    title: str
+    description: str
+    nominal: DrawnStepResponse
+    worst: DrawnStepResponse | None = None
+    identical: DrawnStepResponse | None = None
+
+
+def step_response(result: DrawnStepResponse) -> go.Figure:
+    """Return the outputs with their set points, and the inputs."""
+    panels = Panels(
+        "Step response", "Outputs with their set points above, inputs below.", rows=2, height=480
+    )
+    numbered: dict[str, int] = {}
+    _add_set_points(panels, result, 1)
+    _add(panels, result, "output", 1, numbered)
+    _add(panels, result, "input", 2, numbered)
+    panels.shared_x(TIME)
+    panels.y(1, _OUTPUT)
+    panels.y(2, _INPUT)
+    return panels.figure()
+
+
+def tuned_response(directed: Directed) -> go.Figure:
+    """Return the outputs of the model, those with the worst perturbation, and the inputs."""
+    nominal, worst, identical = directed.nominal, directed.worst, directed.identical
+    last = 2 if worst is None else 3
+    panels = Panels(directed.title, directed.description, rows=last, height=180 * last + 100)
+    numbered: dict[str, int] = {}
+    _add_set_points(panels, nominal, 1)
+    _add(panels, nominal, "output", 1, numbered)
+    if worst is not None:
+        _add_set_points(panels, nominal, 2)
+        _add(panels, worst, "output", 2, numbered)
+        panels.y(2, "y, worst case<br>(output units)", matches="y")
+    _add(panels, nominal, "input", last, numbered)
+    if identical is not None:
+        for response in identical.responses:
+            name = "identical settings"
+            panels.curve(identical.time, response.output, name, IDENTICAL)
+            panels.curve(identical.time, response.input, name, IDENTICAL, row=last)
+    panels.shared_x(TIME)
+    panels.y(1, "y, nominal<br>(output units)")
+    panels.y(last, "u, nominal<br>(input units)")
+    return panels.figure()
+
+
+def relay(result: DrawnRelayExperiment) -> go.Figure:
+    """Return outputs and inputs of a relay experiment."""
+    count = len(result.switchings)
+    panels = Panels(
+        "Relay experiment",
+        f"Outputs above, inputs below; the relay switched {count} time{'s' * (count != 1)}.",
+        rows=2,
+        height=480,
+    )
+    for row, signals in ((1, result.outputs), (2, result.inputs)):
+        for index, (units, values) in enumerate(zip(result.units, signals, strict=False)):
+            name = f"unit{'s' * (len(units) > 1)} {units_text(units)}"
+            panels.curve(result.time, values, name, line(index), row=row)
+    panels.shared_x(TIME)
+    panels.y(1, _OUTPUT)
+    panels.y(2, _INPUT)
+    return panels.figure()
+
+
+def _add(
+    panels: Panels, result: DrawnStepResponse, signal: str, row: int, numbered: dict[str, int]
+) -> None:
+    """Add a signal of all units; the same units have the same style in all panels."""
+    for response in result.responses:
+        name = loops_text(response.units)
+        style = line(numbered.setdefault(name, len(numbered)))
+        panels.curve(result.time, getattr(response, signal), name, style, row=row)
+
+
+def _add_set_points(panels: Panels, result: DrawnStepResponse, row: int) -> None:
+    for response in _different(result.responses):
+        panels.curve(
+            result.time, response.set_point, "set point", THIN | {"shape": "hv"}, row=row,
+            hoverinfo="skip",
+        )  # fmt: skip
+
+
+def _different(responses: list[DrawnUnits]) -> list[DrawnUnits]:
+    """Return one response for each different set point that moves."""
+    moving = {
+        tuple(response.set_point): response for response in responses if any(response.set_point)
+    }
+    return list(moving.values())

@@ -1,0 +1,109 @@
+"""Figures of the search: the local optima found, and what the demand costs."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import plotly.graph_objects as go
+
+from service.figures.panels import Panels
+from service.figures.style import COLOURS, IDENTICAL, NEUTRAL, line, log_axis, numbers
+from service.schemas.tunings import Optimum
+from service.trade_off import TradeOff
+from service.tuned import Tuned
+from service.wording import number
+
+__all__ = ["landscape", "trade_off"]
+
+_SHOWN = 12  # optima; the worse ones interest nobody
+_SYMBOLS = ("circle", "square", "diamond", "triangle-up", "cross", "star", "hexagon", "x")
+_OBJECTIVE = {"tau_p": "τ<sub>P</sub> (time units)", "mu": "peak of μ (1)"}
+
+
+def landscape(tuned: Tuned) -> go.Figure:
+    """Return the local optima: value and how often each was found, and where its settings lie."""
+    optima = tuned.result.search.local_optima[:_SHOWN]
+    found = len(tuned.result.search.local_optima)
+    panels = Panels(
+        "Landscape: the local optima of the search",
+        f"{tuned.result.search.starts} starts ended in {found} different local optima"
+        + (f", the best {_SHOWN} of which are shown" if found > _SHOWN else "")
+        + ". Above: their values, and how many starts ended there. Below: the settings of each; "
+        "lines join the loops of one optimum.",
+        rows=2,
+        height=600,
+        shared=False,
+    )
+    colours = [COLOURS[0]] + [NEUTRAL] * (len(optima) - 1)
+    counts = [optimum.count for optimum in optima]
+    panels.curve(
+        range(1, len(optima) + 1), [optimum.value for optimum in optima], "local optima", {},
+        mode="markers+text", showlegend=False, cliponaxis=False,
+        text=[f"{count} start{'s' * (count != 1)}" for count in counts],
+        textposition="top center",
+        marker={
+            "color": colours,
+            "opacity": 1,
+            "size": [8 + 12 * math.sqrt(count / max(counts, default=1)) for count in counts],
+        },
+        hovertemplate="optimum %{x}: %{y:.5g}, %{text}<extra></extra>",
+    )  # fmt: skip
+    # The best one last, so that it lies on top.
+    for index in reversed(range(len(optima))):
+        panels.add(_settings(index, optima[index], colours[index]), row=2)
+    loops = [loop for optimum in optima for loop in optimum.loops]
+    panels.x(1, "optimum, best first", dtick=1)
+    panels.y(1, _OBJECTIVE[tuned.result.objective])
+    panels.x(2, "gain |k| (input/output)", **log_axis((loop.gain for loop in loops), 0.1))
+    panels.y(
+        2, "integral time τ<sub>I</sub><br>(time units)",
+        **log_axis((loop.integral_time for loop in loops), 0.15),
+    )  # fmt: skip
+    panels.lay_out(hovermode="closest")
+    return panels.figure()
+
+
+def _settings(index: int, optimum: Optimum, colour: str) -> dict[str, Any]:
+    loops, best = optimum.loops, index == 0
+    return {
+        "type": "scatter", "mode": "lines+markers+text",
+        "x": numbers(abs(loop.gain) for loop in loops),
+        "y": numbers(loop.integral_time for loop in loops),
+        "name": f"optimum {index + 1}", "showlegend": False, "cliponaxis": False,
+        "line": {"color": colour, "width": 2 if best else 1},
+        "text": [str(index + 1)] * len(loops), "textposition": "top right",
+        "textfont": {"color": colour},
+        "marker": {
+            "symbol": [_SYMBOLS[place % len(_SYMBOLS)] for place in range(len(loops))],
+            "size": 12 if best else 8,
+        },
+        "customdata": [loop.units for loop in loops],
+        "hovertemplate": f"optimum {index + 1} ({number(optimum.value)})<br>"
+        "k = %{x:.5g}, τ<sub>I</sub> = %{y:.5g}, %{customdata} unit(s)<extra></extra>",
+    }  # fmt: skip
+
+
+def trade_off(sweep: TradeOff) -> go.Figure:
+    """Return what is reached over the swept demand, identical settings beside."""
+    names = {
+        "epsilon": ("uncertainty of the inputs", "relative error ε of the inputs (1)"),
+        "max_peak": ("permitted peak", "permitted peak M of the sensitivity (1)"),
+    }
+    title, axis = names[sweep.parameter]
+    panels = Panels(
+        f"Trade-off: speed against {title}",
+        "Closed-loop time constant that can be promised at each point; a gap where no settings "
+        "meet the demand.",
+    )
+    swept = [point.value for point in sweep.points]
+    markers: dict[str, Any] = {"mode": "lines+markers"}
+    best = [point.tau_p for point in sweep.points]
+    panels.curve(swept, best, "best settings", line(0), **markers)
+    identical = [point.identical for point in sweep.points]
+    if any(value is not None for value in identical):
+        markers |= {"marker": {"symbol": "square"}}
+        panels.curve(swept, identical, "identical settings", IDENTICAL, **markers)
+    panels.x(1, axis)
+    panels.y(1, "τ<sub>P</sub> (time units)", rangemode="tozero")
+    return panels.figure()

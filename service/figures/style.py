@@ -1,0 +1,144 @@
+"""How every figure looks: colours and dashes, logarithmic axes, templates, plain numbers.
+
+The colours are those of Okabe and Ito (Color Universal Design, 2008) that keep a contrast of
+three to one on white and on near-black alike, so a figure serves both schemes and only text and
+grid come from the template.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from enum import StrEnum
+from functools import cache
+from typing import Any
+
+import plotly.graph_objects as go
+
+__all__ = [
+    "BACKGROUNDS",
+    "COLOURS",
+    "DASHES",
+    "FREQUENCY",
+    "IDENTICAL",
+    "NEUTRAL",
+    "THIN",
+    "TIME",
+    "Theme",
+    "line",
+    "log_axis",
+    "numbers",
+    "template",
+]
+
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")
+DASHES = ("solid", "dash", "dashdot", "longdash")
+NEUTRAL = "#7A7A7A"
+IDENTICAL = {"color": NEUTRAL, "dash": "dot", "width": 2.2}
+THIN = {"color": NEUTRAL, "width": 1}
+
+FREQUENCY = "frequency ω (rad per time unit)"
+TIME = "time (time units)"
+
+_DECADES = 1.5  # below which a label a decade is too few
+_DIGITS = 6  # of a drawn number: a pixel in a million
+_FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Liberation Sans', 'DejaVu Sans', sans-serif"
+_TRANSPARENT = "rgba(0,0,0,0)"
+
+
+class Theme(StrEnum):
+    """Scheme of the page that a figure stands on; its own background is transparent."""
+
+    LIGHT = "light"
+    DARK = "dark"
+
+
+# What the figures are meant to stand on, and were checked against.
+BACKGROUNDS = {Theme.LIGHT: "#FFFFFF", Theme.DARK: "#14181D"}
+
+
+def line(index: int) -> dict[str, Any]:
+    """Return the line style of series `index`: the first sixteen differ in colour and dash."""
+    turn, colour = divmod(index, len(COLOURS))
+    return {
+        "color": COLOURS[colour],
+        "dash": DASHES[(index + turn) % len(DASHES)],
+        "width": 2,
+    }
+
+
+def numbers(values: Iterable[float | None]) -> list[float | None]:
+    """Return values as plain JSON numbers of six digits, a gap (None) for each that is none."""
+    return [
+        None if value is None or not math.isfinite(value) else float(f"{value:.{_DIGITS}g}")
+        for value in values
+    ]
+
+
+def log_axis(values: Iterable[float | None], margin: float = 0.0) -> dict[str, Any]:
+    """Return a logarithmic axis that shows the magnitudes of `values` at first.
+
+    Labels stand at each decade, or at all digits that fit where there are not two decades.
+
+    Parameters
+    ----------
+    values : iterable of float or None
+        What is to be seen; zeros and gaps do not count.
+    margin : float
+        Share of the range that is added at both ends.
+
+    """
+    exponents = [math.log10(abs(value)) for value in values if value]
+    low, high = min(exponents, default=0.0), max(exponents, default=1.0)
+    margin *= max(high - low, 0.1)
+    axis: dict[str, Any] = {
+        "type": "log",
+        "range": [low - margin, high + margin],
+        "exponentformat": "power",
+        "minor": {"dtick": "D1", "ticks": "outside", "ticklen": 3},
+    }
+    if high - low > _DECADES:
+        # Powers of ten come out a quarter larger than plain numbers.
+        axis |= {"dtick": 1, "tickfont": {"size": 11}}
+    return axis
+
+
+@cache
+def template(theme: Theme) -> go.layout.Template:
+    """Return the template of a scheme: text, axes, grid and legend; no background."""
+    text, axis, grid, box = {
+        Theme.LIGHT: ("#1F2328", "#59636E", "#E3E6EA", "#FFFFFF"),
+        Theme.DARK: ("#E6EDF3", "#9AA4AF", "#31373E", "#1B2026"),
+    }[theme]
+    axes = {
+        "showline": True,
+        "linecolor": axis,
+        "ticks": "outside",
+        "ticklen": 5,
+        "tickcolor": axis,
+        "gridcolor": grid,
+        "zeroline": False,
+        "automargin": True,
+        "title": {"standoff": 8},
+    }
+    return go.layout.Template(
+        layout={
+            "font": {"family": _FONT, "size": 13, "color": text},
+            "paper_bgcolor": _TRANSPARENT,
+            "plot_bgcolor": _TRANSPARENT,
+            "colorway": list(COLOURS),
+            "xaxis": axes,
+            "yaxis": axes,
+            "margin": {"l": 64, "r": 16, "t": 16, "b": 48},
+            "legend": {
+                "orientation": "h",
+                "yanchor": "bottom",
+                "y": 1.01,
+                "xanchor": "left",
+                "x": 0,
+                "bgcolor": _TRANSPARENT,
+            },
+            "hovermode": "x unified",
+            "hoverlabel": {"bgcolor": box, "bordercolor": axis, "font": {"color": text}},
+        }
+    )

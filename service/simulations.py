@@ -1,0 +1,212 @@
+"""Set-point responses of tuned loops: each alone, and all closed in a direction.
+
+Each of the model, and with the input perturbation that is worst for robust performance
+(Skogestad, Lundstrom and Hovd 1989, section 5.3, where a dead time stands for it).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from service.schemas.drawn import DrawnStepResponse, DrawnUnits
+from service.schemas.encoding import encode
+from service.tuned import Setting, Tuned
+from solver.blocks import group_loops
+from solver.controllers import Controller
+from solver.mu.worst_case import (
+    DiagonalPerturbation,
+    Entry,
+    RankOnePerturbation,
+    WorstCase,
+    worst_case,
+)
+from solver.plants import Plant
+from solver.robustness import LoopAnalysis
+from solver.simulation import (
+    CoupledActuators,
+    Experiment,
+    Loop,
+    OwnActuators,
+    Step,
+    StepKind,
+    StepResponse,
+    step_response,
+)
+from solver.simulation.actuators import Actuators
+from solver.stability import is_stable
+from solver.subsystems import subsystem
+from solver.transfer_function import TransferFunction
+
+__all__ = ["Case", "alone", "together"]
+
+_ACTIVE = 5e-3  # relative distance from the highest mu up to which a frequency counts as worst
+_LONG = 40.0  # time constants of the demand: what has not settled then, settles too slowly to show
+_SHOWN = 1.5  # times the longest settling time
+_SHORTEST = 1.0  # time constants of the demand
+
+
+@dataclass(frozen=True)
+class Case:
+    """Responses to one change of the set points.
+
+    `worst` is None where the perturbation has no form that can be simulated, `identical` where
+    there are no identical settings beside.
+    """
+
+    nominal: DrawnStepResponse
+    worst: DrawnStepResponse | None
+    identical: DrawnStepResponse | None
+
+
+def together(tuned: Tuned, direction: NDArray[np.float64]) -> Case:
+    """Return the responses with all loops closed to set-point steps of size `direction` (n,).
+
+    Raises
+    ------
+    InvalidInputError
+        The simulation cannot hold the plant: see `solver.simulation.step_response`.
+
+    """
+    plant = tuned.plant
+    duration = _duration(tuned, _simulate(plant, tuned.loops, direction, _longest(tuned)))
+    worst = _worst_actuators(tuned, plant, tuned.loops)
+    return Case(
+        nominal=_drawn(_simulate(plant, tuned.loops, direction, duration)),
+        worst=None
+        if worst is None
+        else _drawn(_simulate(plant, tuned.loops, direction, duration, worst)),
+        identical=_drawn(_simulate(plant, tuned.identical, direction, duration))
+        if tuned.identical
+        else None,
+    )
+
+
+def alone(tuned: Tuned) -> Case:
+    """Return the responses of each different setting to a unit step, all other loops open.
+
+    A loop that is unstable alone is left out.
+
+    Raises
+    ------
+    InvalidInputError
+        As for `together`, or no loop is stable alone.
+
+    """
+    step = np.ones(1)
+    singles = [
+        (setting, *subsystem(tuned.plant, tuned.loops, setting.units[:1]))
+        for setting in tuned.settings
+    ]
+    singles = [single for single in singles if is_stable(*single[1:])]
+    duration = max(
+        (
+            _duration(tuned, _simulate(plant, loops, step, _longest(tuned)))
+            for _, plant, loops in singles
+        ),
+        default=_longest(tuned),
+    )
+    nominal, worst = [], []
+    for setting, plant, loops in singles:
+        nominal.append((setting, _simulate(plant, loops, step, duration)))
+        actuators = _worst_actuators(tuned, plant, loops)
+        if actuators is not None:
+            worst.append((setting, _simulate(plant, loops, step, duration, actuators)))
+    identical = None
+    if tuned.identical:
+        plant, loops = subsystem(tuned.plant, tuned.identical, (0,))
+        if is_stable(plant, loops):
+            identical = _drawn(_simulate(plant, loops, step, duration))
+    return Case(_merged(nominal), _merged(worst) if worst else None, identical)
+
+
+def _simulate(
+    plant: Plant,
+    loops: Sequence[Controller],
+    direction: NDArray[np.float64],
+    duration: float,
+    actuators: Actuators | None = None,
+) -> StepResponse:
+    steps = tuple(
+        Step(StepKind.SETPOINT, int(unit), 0.0, float(direction[unit]))
+        for unit in np.flatnonzero(direction)
+    )
+    closed = tuple(Loop.of(loop) for loop in loops)
+    return step_response(Experiment(plant, closed, steps, duration, actuators=actuators))
+
+
+def _longest(tuned: Tuned) -> float:
+    assert tuned.result.tau_p is not None  # noqa: S101 - for the type checker: there are settings
+    return _LONG * tuned.result.tau_p
+
+
+def _duration(tuned: Tuned, probe: StepResponse) -> float:
+    """Return how much of a long response is worth showing."""
+    longest = _longest(tuned)
+    times = [
+        None if point is None else point.settling_time
+        for point in (response.metrics.set_point for response in probe.responses)
+    ]
+    settled = [time for time in times if time is not None]
+    if len(settled) < len(times):
+        return longest
+    return min(max(_SHOWN * max(settled), _SHORTEST / _LONG * longest), longest)
+
+
+def _worst_actuators(tuned: Tuned, plant: Plant, loops: Sequence[Controller]) -> Actuators | None:
+    """Return the input perturbation that is worst for robust performance, ready to simulate.
+
+    mu may come as high at several frequencies: the fastest of them is taken, whose perturbation
+    shows as oscillation; those of slow ones only change the gain.
+    """
+    blocks, controllers = group_loops(plant, loops, tuned.uncertainty.structure)
+    analysis = LoopAnalysis(blocks, controllers, tuned.uncertainty, tuned.performance)
+    mu = analysis.robust_performance(analysis.omega)
+    omega = analysis.omega[[np.flatnonzero(mu >= (1 - _ACTIVE) * mu.max())[-1]]]
+    worst = worst_case(
+        blocks, controllers, tuned.uncertainty, tuned.performance,
+        omega=omega, scales=analysis.scales(omega),
+    )  # fmt: skip
+    return _actuators(worst, plant.n, tuned.uncertainty.weight)
+
+
+def _actuators(worst: WorstCase, n: int, weight: TransferFunction) -> Actuators | None:
+    match worst.uncertainty:
+        case DiagonalPerturbation(entries, actuators):
+            functions = [
+                actuator
+                for unit in range(n)
+                for entry, actuator in zip(entries, actuators, strict=True)
+                if unit in entry.units and actuator is not None
+            ]
+            return OwnActuators(tuple(functions)) if len(functions) == n else None
+        case RankOnePerturbation(left, right):
+            without_dead_time = TransferFunction(weight.num, weight.den)
+            return CoupledActuators(without_dead_time, _spread(left, n), _spread(right, n))
+
+
+def _spread(entries: Sequence[Entry], n: int) -> tuple[TransferFunction, ...]:
+    """Return one transfer function a unit."""
+    of = {unit: entry.transfer for entry in entries for unit in entry.units}
+    return tuple(of[unit] for unit in range(n))
+
+
+def _drawn(response: StepResponse) -> DrawnStepResponse:
+    return DrawnStepResponse.model_validate(encode(response))
+
+
+def _merged(runs: Sequence[tuple[Setting, StepResponse]]) -> DrawnStepResponse:
+    """Return runs of single loops over the same time as one response."""
+    drawn = [(setting, _drawn(response)) for setting, response in runs]
+    return DrawnStepResponse(
+        time=drawn[0][1].time if drawn else [],
+        responses=[
+            DrawnUnits.model_validate(
+                response.responses[0].model_dump() | {"units": list(setting.units)}
+            )
+            for setting, response in drawn
+        ],
+    )

@@ -1,0 +1,112 @@
+"""A tuning as it is archived: the request and its result, both in their JSON form.
+
+Page, notebook and report draw and print from this one record, whether it comes from the job
+table, from a file or from a tuning just made.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+from service.schemas import TuningRequest, TuningResult, parse, tuning_to_json
+from service.wording import loops_text
+from solver.controllers import Controller
+from solver.plants import Plant
+from solver.results import Tuning
+from solver.tuning.specification import Specification
+from solver.weights import Performance, Uncertainty
+
+__all__ = ["Setting", "Tuned"]
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A controller and the units (from 0) that have it."""
+
+    units: tuple[int, ...]
+    controller: Controller
+
+    @property
+    def label(self) -> str:
+        """Its loops in words."""
+        return loops_text(self.units)
+
+
+@dataclass(frozen=True)
+class Tuned:
+    """A request and its result.
+
+    Parameters
+    ----------
+    request : TuningRequest
+        What was asked.
+    result : TuningResult
+        What was found; `loops` is empty where nothing was.
+
+    """
+
+    request: TuningRequest
+    result: TuningResult
+
+    @classmethod
+    def from_json(cls, request: str | bytes, result: str | bytes) -> Tuned:
+        """Return the record of two JSON texts.
+
+        Raises
+        ------
+        RequestError
+            A text that does not match its schema.
+
+        """
+        return cls(parse(TuningRequest, request), parse(TuningResult, result))
+
+    @classmethod
+    def of(cls, request: TuningRequest, tuning: Tuning) -> Tuned:
+        """Return the record of a tuning just made."""
+        return cls(request, TuningResult.model_validate(tuning_to_json(tuning)))
+
+    @cached_property
+    def specification(self) -> Specification:
+        """The task in the solver's form."""
+        return self.request.build()
+
+    @property
+    def plant(self) -> Plant:
+        """The plant."""
+        return self.specification.plant
+
+    @property
+    def uncertainty(self) -> Uncertainty:
+        """The uncertainty of its inputs."""
+        return self.specification.uncertainty
+
+    @property
+    def performance(self) -> Performance:
+        """The demand at the time constant of the result. Needs settings."""
+        tau_p = self.result.tau_p
+        return Performance(
+            self.specification.performance.max_peak, self.specification.performance.offset, tau_p
+        )
+
+    @cached_property
+    def loops(self) -> tuple[Controller, ...]:
+        """One controller a unit."""
+        return tuple(loop.build() for loop in self.result.loops)
+
+    @cached_property
+    def settings(self) -> tuple[Setting, ...]:
+        """The different settings."""
+        if not self.loops:
+            return ()
+        return tuple(
+            Setting(tuple(units), self.loops[units[0]]) for units in self.result.groups if units
+        )
+
+    @cached_property
+    def identical(self) -> tuple[Controller, ...]:
+        """The best identical settings, one controller a unit; empty where not compared."""
+        comparison = self.result.comparison
+        if comparison is None:
+            return ()
+        return (comparison.identical_loop.build(),) * self.plant.n

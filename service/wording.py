@@ -1,0 +1,87 @@
+"""Results in words: numbers, loops and the forms of a controller, as every view shows them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from solver.controllers import Controller
+from solver.errors import InvalidInputError
+
+__all__ = ["Form", "forms", "loops_text", "number", "units_text"]
+
+
+def number(value: float | None) -> str:
+    """Return `value` with five digits, or a dash."""
+    return "-" if value is None else f"{value:.5g}"
+
+
+def units_text(units: Sequence[int]) -> str:
+    """Return units, given from 0, counted from 1: ``1``, ``1-25`` or ``1, 3``."""
+    if len(units) > 1 and list(units) == list(range(units[0], units[0] + len(units))):
+        return f"{units[0] + 1}-{units[-1] + 1}"
+    return ", ".join(str(unit + 1) for unit in units)
+
+
+def loops_text(units: Sequence[int]) -> str:
+    """Return ``loop 1`` or ``loops 1-25``."""
+    return f"loop{'s' * (len(units) > 1)} {units_text(units)}"
+
+
+@dataclass(frozen=True)
+class Form:
+    """A form of the controller law: its name, formula, symbols, and a row of values a setting.
+
+    A row is a message, instead of values, where the setting does not exist in this form.
+    """
+
+    name: str
+    formula: str
+    symbols: tuple[str, ...]
+    rows: tuple[tuple[float | None, ...] | str, ...]
+
+
+_FORMULAS = {
+    "cascade": ("k (1 + τI s)/(τI s)", "k (1 + τI s)/(τI s) (1 + τD s)/(1 + 0.1 τD s)"),
+    "ideal": ("K (1 + 1/(Ti s))", "K (1 + 1/(Ti s) + Td s/(1 + Tf s))"),
+    "parallel": ("Kp + Ki/s", "Kp + Ki/s + Kd s/(1 + Tf s)"),
+}
+_SYMBOLS = {
+    "cascade": ("k", "τI", "τD"),
+    "ideal": ("K", "Ti", "Td", "Tf"),
+    "parallel": ("Kp", "Ki", "Kd", "Tf"),
+}
+
+
+def forms(controllers: Sequence[Controller]) -> tuple[Form, ...]:
+    """Return the same controllers in cascade, ideal and parallel form."""
+    derivative = any(controller.derivative_time is not None for controller in controllers)
+    found = []
+    for name, values in (
+        ("cascade", _cascade),
+        ("ideal", _ideal),
+        ("parallel", _parallel),
+    ):
+        symbols = _SYMBOLS[name] if derivative else _SYMBOLS[name][:2]
+        rows: list[tuple[float | None, ...] | str] = []
+        for controller in controllers:
+            try:
+                rows.append(values(controller)[: len(symbols)])
+            except InvalidInputError as error:
+                rows.append(error.message)
+        found.append(Form(name, _FORMULAS[name][derivative], symbols, tuple(rows)))
+    return tuple(found)
+
+
+def _cascade(controller: Controller) -> tuple[float | None, ...]:
+    return controller.gain, controller.integral_time, controller.derivative_time
+
+
+def _ideal(controller: Controller) -> tuple[float | None, ...]:
+    ideal = controller.to_ideal()
+    return ideal.gain, ideal.integral_time, ideal.derivative_time, ideal.filter_time
+
+
+def _parallel(controller: Controller) -> tuple[float | None, ...]:
+    sums = controller.to_parallel()
+    return sums.proportional_gain, sums.integral_gain, sums.derivative_gain, sums.filter_time
