@@ -85,6 +85,7 @@ def free_port() -> int:
 @contextmanager
 def serving(url: str, port: int) -> Iterator[subprocess.Popen[bytes]]:
     """Run the service until the end of the block."""
+    console.print(f"Starting the service; its log is {LOG.relative_to(ROOT)}.")
     LOG.parent.mkdir(exist_ok=True)
     program = str(Path(sys.executable).with_name("mutune"))
     with LOG.open("wb") as log:
@@ -92,8 +93,7 @@ def serving(url: str, port: int) -> Iterator[subprocess.Popen[bytes]]:
             [program, "serve", "--host", HOST, "--port", str(port)], stdout=log, stderr=log
         )
     try:
-        with console.status("Starting the service ..."):
-            wait_until_ready(url, process)
+        wait_until_ready(url, process)
         yield process
     finally:
         process.terminate()

@@ -1,0 +1,101 @@
+"""What the README says is so: its numbers, its calls, its links."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+from touring import ROOT, Tour
+
+README = (ROOT / "README.md").read_text()
+DOCUMENTS = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
+BLOCKS = re.findall(r"^```(\w*)\n(.*?)^```$", README, re.MULTILINE | re.DOTALL)
+
+
+def blocks(language: str) -> list[str]:
+    """Return the code blocks of a language."""
+    return [text for name, text in BLOCKS if name == language]
+
+
+def rows(text: str) -> dict[str, list[float]]:
+    """Return the rows of the table: label, identical, independent."""
+    found = re.findall(r"^  (\S.*?) {2,}([\d.]+) {2,}([\d.]+) *$", text, re.MULTILINE)
+    return {label: [float(value) for value in values] for label, *values in found}
+
+
+def test_table_is_what_the_run_prints(tour: Tour) -> None:
+    """Each row of the README's table is printed, with its numbers."""
+    said, printed = rows(blocks("")[0]), rows(tour.output)
+    assert len(said) == 8
+    assert said.keys() == printed.keys()
+    for label, values in said.items():
+        # The objective is sharp. Settings at its flat bottom move with the last bits of a sum.
+        tolerance = 1e-4 if "time constant" in label else 2e-3
+        assert values == pytest.approx(printed[label], rel=tolerance), label
+
+
+def test_sentence_on_the_gain_agrees_with_the_table() -> None:
+    """The gain is quoted as the table has it."""
+    identical, independent = rows(blocks("")[0])["closed-loop time constant τP"]
+    sentence = re.search(r"from ([\d.]+) to ([\d.]+) min, by (\d+) %", README)
+    assert sentence is not None
+    assert [float(value) for value in sentence.groups()] == [
+        round(identical, 1),
+        round(independent, 1),
+        round(100 * (1 - independent / identical)),
+    ]
+
+
+def test_python_calls_work(tour: Tour, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Both Python examples run as they stand, with and without the service."""
+    monkeypatch.chdir(ROOT)
+    with_service, without = blocks("python")
+    for code in (with_service.replace("http://127.0.0.1:8000", tour.url), without):
+        names: dict[str, object] = {}
+        exec(code, names)  # noqa: S102 - the README's own code
+        assert getattr(names["result"], "tau_p", None) == pytest.approx(18.446, rel=1e-4)
+
+
+@pytest.mark.skipif(shutil.which("curl") is None, reason="SKIPPED: curl is not installed")
+def test_curl_call_works(tour: Tour) -> None:
+    """The curl example returns a finished job."""
+    (command,) = (block for block in blocks("sh") if block.startswith("curl"))
+    command = command.replace("http://127.0.0.1:8000", tour.url)
+    done = subprocess.run(  # noqa: S602 - the README's own command
+        command, shell=True, cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    assert '"status":"succeeded"' in done.stdout
+
+
+def test_commands_exist() -> None:
+    """Every command line in the README is one that mutune knows, on files that are there."""
+    (calls,) = (block for block in blocks("sh") if block.startswith("mutune"))
+    for line in calls.splitlines():
+        program, command, *arguments = line.split("#")[0].split()
+        help_text = subprocess.run(  # noqa: S603 - our own program
+            [ROOT / ".venv" / "bin" / program, command, "--help"],
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for argument in arguments:
+            if argument.startswith("-"):
+                assert argument in help_text
+            if argument.startswith("examples/"):
+                assert (ROOT / argument).exists()
+
+
+@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))
+def test_links_lead_somewhere(path: Path) -> None:
+    """Relative links point to files and headings that exist."""
+    for target in re.findall(r"\]\((?!https?://)([^)]+)\)", path.read_text()):
+        name, _, heading = target.partition("#")
+        file = path.parent / name if name else path
+        assert file.exists(), target
+        if heading:
+            titles = re.findall(r"^#+ (.+)$", file.read_text(), re.MULTILINE)
+            anchors = [re.sub(r"[^\w\- ]", "", each.lower()).replace(" ", "-") for each in titles]
+            assert heading in anchors, target
