@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from solver.simulation.actuators import OwnActuators
 from solver.simulation.experiment import StepKind
 from solver.simulation.switching import Event
 from solver.simulation.wiring import Place, Term, Wiring
@@ -24,10 +25,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from solver.simulation.actuators import Actuators
     from solver.simulation.experiment import Step
     from solver.simulation.loops import Limits, Loop
     from solver.simulation.paths import Paths
-    from solver.transfer_function import TransferFunction
 
 __all__ = ["ClosedLoop", "close", "events"]
 
@@ -56,7 +57,7 @@ def close(
     paths: Paths,
     loops: Sequence[Loop | None],
     distribution: NDArray[np.float64],
-    actuators: Sequence[TransferFunction] | None = None,
+    actuators: Actuators | None = None,
     limits: Sequence[Limits | None] | None = None,
 ) -> ClosedLoop:
     """Wire a plant and its loops.
@@ -69,8 +70,8 @@ def close(
         Loop i acts on output i; None is an open loop.
     distribution : (k, k) ndarray
         Plant inputs from controller outputs: the identity for decentralised control.
-    actuators : sequence of TransferFunction, optional
-        From each wanted plant input to the actual one.
+    actuators : Actuators, optional
+        From the wanted plant inputs to the actual ones, for all units of the plant.
     limits : sequence of Limits or None, optional
         Of each plant input.
 
@@ -109,7 +110,7 @@ def close(
         for row in units:
             if distribution[row, unit] != 0:
                 wiring.connect(wanted[row], _scaled(law, float(distribution[row, unit])))
-    _connect_plant(wiring, paths, _actual(wiring, actuators, inputs), loads, outputs)
+    _connect_plant(wiring, paths, _actual(wiring, paths, actuators, inputs), loads, outputs)
     return ClosedLoop(
         wiring=wiring,
         set_points=set_points,
@@ -140,13 +141,27 @@ def events(steps: Sequence[Step], closed: ClosedLoop, paths: Paths) -> list[Even
 
 
 def _actual(
-    wiring: Wiring, actuators: Sequence[TransferFunction] | None, inputs: Sequence[Place]
+    wiring: Wiring, paths: Paths, actuators: Actuators | None, inputs: Sequence[Place]
 ) -> list[list[Term]]:
     """Return the actual inputs from the limited ones."""
+    moved = [[Term(place, 1.0)] for place in inputs]
     if actuators is None:
-        return [[Term(place, 1.0)] for place in inputs]
-    pairs = zip(actuators, inputs, strict=True)
-    return [wiring.transfer(actuator, place) for actuator, place in pairs]
+        return moved
+    stand_ins = [units[0] for units in paths.units]
+    if isinstance(actuators, OwnActuators):
+        return [
+            wiring.transfer(actuators.functions[unit], place)
+            for unit, place in zip(stand_ins, inputs, strict=True)
+        ]
+    gathered, weighted = wiring.signal(), wiring.signal()
+    for units, place in zip(paths.units, inputs, strict=True):
+        terms = wiring.transfer(actuators.right[units[0]], place)
+        wiring.connect(gathered, _scaled(terms, len(units)))
+    wiring.connect(weighted, wiring.transfer(actuators.weight, gathered))
+    return [
+        [*own, *wiring.transfer(actuators.left[unit], weighted)]
+        for unit, own in zip(stand_ins, moved, strict=True)
+    ]
 
 
 def _connect_plant(

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from solver.plants import Plant
+    from solver.simulation.actuators import Actuators
     from solver.simulation.loops import Limits, Loop
-    from solver.transfer_function import TransferFunction
 
 __all__ = ["MAX_SAMPLES", "MAX_STEPS_GIVEN", "Experiment", "Step", "StepKind"]
 
@@ -72,9 +72,8 @@ class Experiment:
         Time simulated, > 0.
     samples : int
         Equidistant samples returned, both ends included, 2..20001.
-    actuators : tuple of TransferFunction or None
-        Actual over wanted input of each unit, 1 + w_I delta for a perturbation; may have dead
-        time. None: exact inputs.
+    actuators : Actuators or None
+        Actual inputs from wanted ones: an input perturbation. None: exact inputs.
     limits : tuple of Limits or None, or None
         Limits of each input; None: none.
     distribution : (n, n) ndarray or None
@@ -90,7 +89,7 @@ class Experiment:
     steps: tuple[Step, ...]
     duration: float
     samples: int = 501
-    actuators: tuple[TransferFunction, ...] | None = None
+    actuators: Actuators | None = None
     limits: tuple[Limits | None, ...] | None = None
     distribution: NDArray[np.float64] | None = None
     bound: float | None = None
@@ -113,10 +112,6 @@ class Experiment:
         if self.bound is not None and not 0 < self.bound <= LARGEST:
             message = "the bound must be positive"
             raise InvalidInputError(message, "/bound")
-        for index, actuator in enumerate(self.actuators or ()):
-            if np.any(actuator.poles.real >= 0):
-                message = "an actuator must be stable"
-                raise InvalidInputError(message, f"/actuators/{index}/den")
 
     def _check_sizes(self) -> None:
         n = self.plant.n

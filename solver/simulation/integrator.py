@@ -37,11 +37,12 @@ if TYPE_CHECKING:
 
 __all__ = ["MAX_STEPS", "End", "integrate"]
 
-MAX_STEPS = 50_000
+MAX_STEPS = 10_000
 _MAX_VALUES = 2e7  # numbers held, 160 MB
 # Relative size of the highest polynomial coefficients of a resolved step. The signals are then
 # right to about as much; below 1e-12 rounding would shorten the steps for ever.
 _TOLERANCE = 1e-10
+_TINY = 1e-300  # what is nothing must not be divided by nothing
 _FIRST_GUESS = 64  # steps in the whole time, before anything is known
 _SHORTEST = 2.0**-46  # of the whole time: accepted unresolved, no clock has more digits
 _TRY_LONGER = 8  # steps of one length before a longer one is tried without good reason
@@ -126,6 +127,12 @@ class _Integrator:
                 f"{self.shortest:g}; shorten it, or leave that dead time out"
             )
             raise InvalidInputError(message, "/duration")
+        # All modes have the same dead times.
+        self.delays = [
+            (float(dead_time), channels, system.delay_sources[channels])
+            for dead_time in np.unique(system.dead_times)
+            for channels in [np.flatnonzero(system.dead_times == dead_time)]
+        ]
         self.tolerance = 1e-13 * duration  # of times
         self.breakpoints = Breakpoints(system, self.tolerance)
         self.breakpoints.jump(0.0)
@@ -188,7 +195,7 @@ class _Integrator:
             delayed = self._delayed(propagator.system, length)
             states = propagator.states(length, self.state, self.external, delayed)
             values = propagator.signals(states, self.external, delayed)
-            roughness = self._roughness(propagator.system, states, delayed, values)
+            roughness = self._roughness(propagator, states, delayed, values)
             if roughness <= _TOLERANCE or length <= _SHORTEST * self.duration:
                 break
             while self.wanted > 0.6 * length:
@@ -203,32 +210,24 @@ class _Integrator:
 
     def _delayed(self, system: DelaySystem, length: float) -> NDArray[np.float64]:
         delayed = np.empty((DEGREE + 1, system.dead_times.size))
-        for dead_time in np.unique(system.dead_times):
-            channels = np.flatnonzero(system.dead_times == dead_time)
-            delayed[:, channels] = self.trajectory.history(
-                system.delay_sources[channels], self.time - float(dead_time), length
-            )
+        for dead_time, channels, sources in self.delays:
+            delayed[:, channels] = self.trajectory.history(sources, self.time - dead_time, length)
         return delayed
 
     def _roughness(
         self,
-        system: DelaySystem,
+        propagator: Propagator,
         states: NDArray[np.float64],
         delayed: NDArray[np.float64],
         values: NDArray[np.float64],
     ) -> float:
         """Size of the last two coefficients beside what the signals are summed from."""
-        if not np.all(np.isfinite(values)):
-            return math.inf
-        ends = [0, -1]
-        terms = (
-            np.abs(states[ends]) @ np.abs(system.C).T
-            + np.abs(system.D_external) @ np.abs(self.external)
-            + np.abs(delayed[ends]) @ np.abs(system.D_delayed).T
-        )
-        scale = np.maximum(self.scale, terms.max(axis=0))
         rest = np.abs(TO_COEFFICIENTS[-2:] @ values).max(axis=0)
-        return float(np.max(rest / np.where(scale > 0, scale, 1.0), initial=0.0))
+        terms = propagator.magnitudes(states[[0, -1]], self.external, delayed[[0, -1]])
+        scale = np.maximum(self.scale, terms.max(axis=0))
+        worst = float((rest / (scale + _TINY)).max(initial=0.0))
+        # Not a number where an unstable process overflowed in a step far too long.
+        return worst if math.isfinite(worst) else math.inf
 
     def _accept(
         self, length: float, values: NDArray[np.float64], state: NDArray[np.float64]

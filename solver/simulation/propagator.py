@@ -39,6 +39,7 @@ class Propagator:
     def __init__(self, system: DelaySystem) -> None:
         self.system = system
         self._parts = _independent_parts(system)
+        self._sizes = np.abs(system.C).T, np.abs(system.D_external), np.abs(system.D_delayed).T
         self._operators: OrderedDict[float, NDArray[np.float64]] = OrderedDict()
 
     def states(
@@ -99,6 +100,19 @@ class Propagator:
             value: NDArray[np.float64] = (
                 states @ system.C.T + system.D_external @ external + delayed @ system.D_delayed.T
             )
+        return value
+
+    def magnitudes(
+        self,
+        states: NDArray[np.float64],
+        external: NDArray[np.float64],
+        delayed: NDArray[np.float64],
+    ) -> NDArray[np.float64]:
+        """Sums of the magnitudes of the terms of `signals`: what its rounding is relative to."""
+        of_states, of_external, of_delayed = self._sizes
+        value: NDArray[np.float64] = (
+            np.abs(states) @ of_states + of_external @ np.abs(external) + np.abs(delayed) @ of_delayed
+        )
         return value
 
     def _operator(self, length: float, places: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -138,7 +138,7 @@ def step_response(experiment: Experiment) -> StepResponse:
         paths,
         [experiment.loops[unit] for unit in stand_ins],
         np.eye(paths.size) if experiment.distribution is None else experiment.distribution,
-        None if experiment.actuators is None else [experiment.actuators[u] for u in stand_ins],
+        experiment.actuators,
         None if experiment.limits is None else [experiment.limits[u] for u in stand_ins],
     )
     steps = [
@@ -189,8 +189,8 @@ def _paths(experiment: Experiment) -> Paths:
             (
                 experiment.loops[unit],
                 frozenset(_counted(disturbed.get(unit, []))),
-                experiment.actuators and experiment.actuators[unit],
-                experiment.limits and experiment.limits[unit],
+                None if experiment.actuators is None else experiment.actuators.of(unit),
+                None if experiment.limits is None else experiment.limits[unit],
             )
             for unit in range(n)
         ]

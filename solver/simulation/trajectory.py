@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -87,11 +87,12 @@ class Trajectory:
         # The ends belong to the steps inside the interval, whatever rounding made of them.
         first = max(bisect_right(self._starts, start + slack) - 1, 0)
         last = max(bisect_left(self._starts, start + length - slack) - 1, first)
-        times = start + length * NODES
         if first == last:
-            steps = np.full(DEGREE + 1, first)
-        else:
-            steps = np.clip(np.searchsorted(self._starts, times, side="right") - 1, first, last)
+            offset = (start - self._starts[first]) / self._lengths[first]
+            share = length / self._lengths[first]
+            return _part(f"{offset:.12f} {share:.12f}") @ self._values[first][:, signals]
+        times = start + length * NODES
+        steps = np.clip(np.searchsorted(self._starts, times, side="right") - 1, first, last)
         value = np.empty((DEGREE + 1, signals.size))
         for step in range(first, last + 1):
             own = steps == step
@@ -115,6 +116,17 @@ class Trajectory:
         return TurningPoints(
             nodes, step, place, self.starts[step] + self.lengths[step] * place, value
         )
+
+
+@lru_cache(maxsize=1024)
+def _part(key: str) -> NDArray[np.float64]:
+    """Return the matrix from the nodes of a step to those of a part of it.
+
+    Offset and length of the part, in lengths of the step, come as twelve decimals: the parts that
+    a dead time asks for again and again differ by rounding only.
+    """
+    offset, share = map(float, key.split())
+    return evaluation_matrix(offset + share * NODES)
 
 
 @dataclass(frozen=True, eq=False)
