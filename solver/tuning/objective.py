@@ -192,6 +192,8 @@ class LoopObjective:
         self._u = uncertainty.magnitude(omega) ** 2 / goal.target**2
         self._b = goal.weight(omega)
         self._saturated = goal.saturated(omega)
+        # A few points around a peak say nothing about encirclements.
+        self._spans_the_loop = omega[-1] > 1e3 * omega[0]
 
     def on(self, omega: NDArray[np.float64], goal: Goal | None = None) -> LoopObjective:
         """Return the same objective at other frequencies, or with another goal."""
@@ -242,7 +244,7 @@ class LoopObjective:
         value, s = float(attained.max()), float(np.minimum(attained, self._saturated).max())
         missing = float((self.goal.demand(s, self.omega)[0] - level).max())
         merit = s + PENALTY * max(missing, 0.0)
-        if self.omega.size > 1 and not self._winds_as_stable(c):
+        if self._spans_the_loop and not self._winds_as_stable(c):
             value = merit = math.inf
         return Evaluation(theta, value, s, merit, level, gradient, y)
 
@@ -291,6 +293,7 @@ class LoopObjective:
         slope = math.log(abs(det[0]) / abs(det[1])) / math.log(self.omega[1] / self.omega[0])
         order = round(slope)
         start = det[0] * 1j**order
-        turned += math.atan2(start.imag, start.real) if start.real > 0 else math.pi
+        start = start if start.real > 0 else -start
+        turned += math.atan2(start.imag, start.real)
         turned -= math.atan2(det[-1].imag, det[-1].real)
         return bool(abs(turned - order * math.pi / 2) < 1.0)

@@ -1,0 +1,68 @@
+import math
+
+import numpy as np
+import pytest
+from zoo import SLH, USUAL
+
+from solver.blocks import reduce
+from solver.plants import first_order
+from solver.tuning import ControllerKind
+from solver.tuning.objective import LoopObjective, MuGoal, TauGoal
+from solver.weights import Performance
+
+OMEGA = np.geomspace(1e-4, 30, 40)
+
+
+def objective(plant, groups, goal, kind=ControllerKind.PI):
+    signs = np.ones(len(groups))
+    return LoopObjective(reduce(plant, groups), USUAL, goal, kind=kind, signs=signs, omega=OMEGA)
+
+
+@pytest.mark.parametrize("goal", [TauGoal(Performance()), MuGoal(Performance(tau_p=20))])
+@pytest.mark.parametrize(
+    ("plant", "groups", "values", "kind"),
+    [
+        (SLH, [[0], [1]], [46.3, 101, 22.8, 3.15], ControllerKind.PI),
+        (SLH, [[0, 1]], [39.7, 65.1], ControllerKind.PI),
+        (SLH, [[0], [1]], [60, 90, 0.4, 30, 2, 0.5], ControllerKind.PID),
+        (first_order(5, 1, 40, -0.2), [[0, 1], [2, 3, 4]], [12, 30, 9, 12], ControllerKind.PI),
+        (first_order(3, 1, 40, 0.2), [[0], [1], [2]], [12, 30, 9, 12, 8, 10], ControllerKind.PI),
+    ],
+)
+def test_gradients_are_exact(plant, groups, values, kind, goal):
+    """Every frequency's gradient equals central differences, kinks of two modes included."""
+    task = objective(plant, groups, goal, kind)
+    theta = np.log(values)
+    here = task.evaluate(theta, nu_end=1e-9)
+    for index in range(theta.size):
+        step = np.zeros(theta.size)
+        step[index] = 1e-4
+        above = task.evaluate(theta + step, nu_end=1e-9).level
+        below = task.evaluate(theta - step, nu_end=1e-9).level
+        assert here.gradient[:, index] == pytest.approx((above - below) / 2e-4, abs=2e-5)
+
+
+def test_tau_p_of_the_published_settings():
+    """The skewed form gives the tau_P at which mu is 1: about 19.01 for the published settings."""
+    task = objective(SLH, [[0], [1]], TauGoal(Performance())).on(np.array([0.0314362, 0.03144]))
+    tau_p = math.exp(task.evaluate(np.log([46.3, 101, 22.8, 3.15])).value)
+    unskewed = task.on(task.omega, MuGoal(Performance(tau_p=tau_p)))
+    level = unskewed.evaluate(np.log([46.3, 101, 22.8, 3.15])).value
+    assert math.exp(level / 2) == pytest.approx(1, abs=1e-7)
+
+
+def test_permitted_offset_enters_the_demand():
+    """attained() inverts demand() with A > 0 as well."""
+    goal = TauGoal(Performance(max_peak=2, offset=0.2))
+    omega = np.array([0.1, 0.5, 2.0])
+    for s in (-1.0, 0.5, 2.0):
+        level, slope = goal.demand(s, omega)
+        assert goal.attained(level, omega) == pytest.approx([s] * 3, rel=1e-9)
+        nearby = goal.demand(s + 1e-6, omega)[0]
+        assert slope == pytest.approx((nearby - level) / 1e-6, rel=1e-4)
+
+
+def test_unstable_settings_have_no_value():
+    """Gains that destabilise are infinitely bad, however mu reads on the grid."""
+    task = objective(first_order(2, 1, 10, 1.5), [[0, 1]], MuGoal(Performance(tau_p=20)))
+    assert task.evaluate(np.log([3.0, 8.0])).value == math.inf

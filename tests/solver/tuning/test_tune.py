@@ -1,0 +1,187 @@
+import math
+
+import numpy as np
+import pytest
+from zoo import COLUMN, SLH, USUAL
+
+from solver.blocks import group_loops
+from solver.errors import Cancelled, InvalidInputError, UnsupportedPlantError
+from solver.plants import ParallelPlant, first_order
+from solver.results import Status
+from solver.robustness import LoopAnalysis
+from solver.stability import is_stable
+from solver.transfer_function import TransferFunction
+from solver.tuning import Arrangement, Bounds, ControllerKind, Objective, Specification, tune
+from solver.weights import Performance, Uncertainty
+
+
+def run(plant, arrangement, **more):
+    uncertainty = more.pop("uncertainty", USUAL)
+    performance = more.pop("performance", Performance())
+    return tune(Specification(plant, uncertainty, performance, arrangement=arrangement, **more))
+
+
+def assert_proven(result, plant, uncertainty=USUAL, **demand):
+    """The settings are stable and keep mu <= 1 + 1e-6 on a grid twenty times finer."""
+    assert result.status is Status.OPTIMAL
+    assert is_stable(plant, result.loops)
+    blocks, controllers = group_loops(plant, result.loops, uncertainty.structure)
+    performance = Performance(tau_p=result.tau_p, **demand)
+    analysis = LoopAnalysis(blocks, controllers, uncertainty, performance)
+    fine = np.geomspace(analysis.omega[0] / 10, 10 * analysis.omega[-1], 20 * analysis.omega.size)
+    assert analysis.robust_performance(fine).max() <= 1 + 1e-6
+
+
+@pytest.fixture(scope="module")
+def independent():
+    return run(SLH, Arrangement.INDEPENDENT)
+
+
+def test_published_case_identical():
+    """SLH table 1, tau = 100, a = 0.949: published tau_P about 26, here 25.773."""
+    result = run(SLH, Arrangement.IDENTICAL)
+    assert_proven(result, SLH)
+    assert result.tau_p == pytest.approx(25.7730, abs=5e-4)
+    assert result.loops[0] == result.loops[1]
+
+
+def test_published_case_independent(independent):
+    """SLH table 2, tau = 100, a = 0.949: published tau_P about 19, here 18.4455."""
+    assert_proven(independent, SLH)
+    assert independent.tau_p == pytest.approx(18.4455, abs=5e-4)
+    assert independent.comparison.identical_value == pytest.approx(25.7730, abs=1e-3)
+    assert independent.comparison.gain_percent == pytest.approx(28.43, abs=0.02)
+    assert independent.search.local_optima[0].count >= 3
+
+
+def test_the_same_seed_gives_the_same_digits(independent):
+    """A second run repeats every digit."""
+    again = run(SLH, Arrangement.INDEPENDENT)
+    assert again.loops == independent.loops
+    assert again.tau_p == independent.tau_p
+
+
+def test_asymmetry_is_kept_only_where_it_pays():
+    """'best' keeps identical settings where nothing gains 1 per cent (SLH, tau = 10)."""
+    result = run(first_order(2, 1, 10, 0.3), Arrangement.BEST)
+    assert result.groups == ((0, 1),)
+    assert run(SLH, Arrangement.BEST).groups == ((0,), (1,))
+
+
+def test_without_interaction_loops_are_single_loops():
+    """a = 0: two independent loops reach what one unit alone reaches."""
+    single = run(first_order(1, 1, 10, 0), Arrangement.INDEPENDENT)
+    pair = run(first_order(2, 1, 10, 0), Arrangement.INDEPENDENT)
+    assert pair.tau_p == pytest.approx(single.tau_p, rel=1e-4)
+
+
+def test_column_by_mu():
+    """SLH eq. 3, tau_P = 10, objective mu: PI 1.50356, PID below 1.297 (published 1.34)."""
+    demand = {"performance": Performance(tau_p=10), "objective": Objective.MU}
+    pi = run(COLUMN, Arrangement.INDEPENDENT, **demand)
+    assert pi.peaks.robust_performance.value == pytest.approx(1.50356, abs=1e-4)
+    pid = run(COLUMN, Arrangement.INDEPENDENT, kind=ControllerKind.PID, **demand)
+    assert pid.peaks.robust_performance.value <= 1.297
+    assert pid.tau_p == 10
+
+
+@pytest.mark.parametrize(
+    ("plant", "arrangement"),
+    [
+        (ParallelPlant(2, TransferFunction([1], [20, 1], 0.5), TransferFunction([0.6], [30, 1], 1)),
+         Arrangement.INDEPENDENT),
+        (ParallelPlant(2, TransferFunction([1], [1, 0]), TransferFunction([0.5], [1, 0])),
+         Arrangement.INDEPENDENT),
+        (first_order(4, -2, 10, -0.3, 1), Arrangement.IDENTICAL),
+    ],
+    ids=["dead time, other dynamics in i", "integrating", "negative gain, stream split"],
+)  # fmt: skip
+def test_other_plants_are_tuned_and_proven(plant, arrangement):
+    """Dead time, other dynamics in i, integrators and negative gains: stable, mu <= 1."""
+    assert_proven(run(plant, arrangement), plant)
+
+
+@pytest.mark.parametrize(
+    ("plant", "uncertainty", "words"),
+    [
+        (first_order(2, 1, 100, 1.0), USUAL, "singular"),
+        (first_order(3, 1, 100, -0.6), USUAL, "decentralised integral controllable"),
+        (first_order(2, 1, 100, 0.5), Uncertainty.from_error(1.2, 1), "120 %"),
+    ],
+)
+def test_infeasible_tasks_say_what_forbids_them(plant, uncertainty, words):
+    """Status infeasible, the reason in words and the frequency."""
+    result = run(plant, Arrangement.INDEPENDENT, uncertainty=uncertainty)
+    assert result.status is Status.INFEASIBLE
+    assert words in result.reason
+    assert result.omega == 0
+    assert result.loops == ()
+
+
+def test_infeasible_demands_name_the_frequency():
+    """A sensitivity peak of 1.01 cannot be had under 60 % uncertainty: the frequency is named."""
+    result = run(
+        SLH, Arrangement.IDENTICAL,
+        uncertainty=Uncertainty.from_error(0.6, 1), performance=Performance(max_peak=1.01),
+    )  # fmt: skip
+    assert result.status is Status.INFEASIBLE
+    assert result.omega > 0
+
+
+def test_bounds_are_kept_and_reported():
+    """A parameter on its bound is named in a warning."""
+    result = run(SLH, Arrangement.IDENTICAL, bounds=Bounds(integral_time=(80, 200)))
+    assert result.loops[0].integral_time >= 80 * (1 - 1e-9)
+    assert any("integral_time" in warning for warning in result.warnings)
+
+
+def test_progress_may_stop_the_tuning():
+    """What the callback raises passes through."""
+    seen = []
+
+    def stop(progress):
+        seen.append(progress)
+        raise Cancelled
+
+    with pytest.raises(Cancelled):
+        tune(Specification(SLH, USUAL, Performance()), stop)
+    assert seen[0].best is None
+
+
+def test_time_limit_returns_the_best_so_far():
+    """A tiny limit ends with its status, without settings or with stable ones."""
+    result = run(SLH, Arrangement.INDEPENDENT, time_limit=1e-3)
+    assert result.status is Status.TIME_LIMIT
+    assert result.loops == () or is_stable(SLH, result.loops)
+
+
+def test_specification_names_what_is_wrong():
+    """Group sizes, starts, seed, limits and objective are checked before any work."""
+    for field, more in {
+        "/controller/group_sizes": {"arrangement": Arrangement.GROUPED, "group_sizes": (1, 2)},
+        "/search/starts": {"starts": 0},
+        "/search/seed": {"seed": -1},
+        "/search/time_limit": {"time_limit": 0.0},
+        "/performance/tau_p": {"objective": Objective.MU},
+    }.items():
+        with pytest.raises(InvalidInputError) as error:
+            Specification(SLH, USUAL, Performance(), **more)
+        assert error.value.field == field
+
+
+def test_too_many_independent_loops_and_unstable_plants_are_refused():
+    """Both are input errors, not failures of the search."""
+    with pytest.raises(InvalidInputError):
+        run(first_order(30, 1, 10, 0.1), Arrangement.INDEPENDENT)
+    unstable = ParallelPlant(2, TransferFunction([1], [1, -1]), TransferFunction([0.1], [1, 1]))
+    with pytest.raises(UnsupportedPlantError):
+        run(unstable, Arrangement.IDENTICAL)
+
+
+def test_large_groups_cost_what_small_ones_cost():
+    """n = 1000 in two groups has the blocks of n = 4 in two groups, and the same curves' size."""
+    large = run(
+        first_order(1000, 1, 100, -0.9 / 999), Arrangement.GROUPED, group_sizes=(500, 500), starts=2
+    )
+    assert len(large.loops) == 1000
+    assert math.isfinite(large.tau_p)
