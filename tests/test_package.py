@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import shlex
 import subprocess
 import sys
 import tomllib
 from fnmatch import fnmatch
-from importlib.metadata import PackageNotFoundError, metadata
+from importlib.metadata import PackageNotFoundError, metadata, packages_distributions
 from pathlib import Path
 from zipfile import ZipFile
 
@@ -67,6 +68,21 @@ def test_lock_satisfies_the_project(kind: str, wanted: list[str]) -> None:
         for pin in found:
             (version,) = (each.version for each in pin.specifier)
             assert requirement.specifier.contains(version), f"run scripts/lock: {pin}"
+
+
+def test_every_import_is_of_a_locked_distribution() -> None:
+    """No module leans on something that happens to be installed."""
+    names = {canonicalize_name(pin.name) for pin in locked("run")}
+    distributions = packages_distributions()
+    for path in [*ROOT.glob("solver/**/*.py"), *ROOT.glob("service/**/*.py")]:
+        for node in ast.walk(ast.parse(path.read_text())):
+            modules = [each.name for each in node.names] if isinstance(node, ast.Import) else []
+            if isinstance(node, ast.ImportFrom):
+                modules = [node.module or ""]
+            for module in {each.partition(".")[0] for each in modules}:
+                if module in sys.stdlib_module_names or module in {"solver", "service"}:
+                    continue
+                assert any(canonicalize_name(each) in names for each in distributions[module]), path
 
 
 def test_those_who_run_get_what_was_tested() -> None:

@@ -1,5 +1,6 @@
 """``scripts/run``: what it prints, and that it leaves nothing behind."""
 
+import re
 import socket
 from pathlib import Path
 
@@ -12,7 +13,8 @@ def test_run_shows_where_to_go_on(tour: Tour) -> None:
     """Page and API documentation answer where the output says."""
     assert httpx.get(f"{tour.url}/").is_success
     documentation = tour.wait_for(r"API documentation: (\S+)\n")[1]
-    assert "swagger-ui" in httpx.get(documentation).text
+    (script,) = re.findall(r'src="(\S+swagger\S+)"', httpx.get(documentation).text)
+    assert httpx.get(tour.url + script).is_success
 
 
 def test_run_once_ends_with_the_result_and_avoids_a_taken_port(tmp_path: Path) -> None:
