@@ -19,7 +19,7 @@ from solver.frequencies import corners, grid, resonances
 from solver.peaks import highest
 from solver.plants import ParallelPlant
 from solver.stability import unstable_poles
-from solver.subsystems import subsystem
+from solver.subsystems import interchangeable, subsystem
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -109,12 +109,8 @@ def loop_margins(plant: Plant, loops: Sequence[Controller]) -> tuple[LoopMargins
 
     """
     stable = unstable_poles(plant, loops) == 0
-    alike: dict[tuple[Controller, int], list[int]] = {}
-    for unit, loop in enumerate(loops):
-        # The units of a parallel plant differ by their controllers only.
-        alike.setdefault((loop, 0 if isinstance(plant, ParallelPlant) else unit), []).append(unit)
     rows = []
-    for units in alike.values():
+    for units in interchangeable(plant, loops):
         unit = units[0]
         single, controller = subsystem(plant, loops, (unit,))
         alone = None
@@ -125,7 +121,7 @@ def loop_margins(plant: Plant, loops: Sequence[Controller]) -> tuple[LoopMargins
             together = None
             if stable:
                 together = margins(loop_transfer(plant, loops, unit), _frequencies(plant, loops))
-        rows.append(LoopMargins(tuple(units), alone, together))
+        rows.append(LoopMargins(units, alone, together))
     return tuple(rows)
 
 

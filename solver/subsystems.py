@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from solver.controllers import Controller
     from solver.plants import Plant
 
-__all__ = ["subsystem"]
+__all__ = ["interchangeable", "subsystem"]
 
 
 def subsystem(
@@ -28,3 +28,16 @@ def subsystem(
         return ParallelPlant(len(units), plant.process, plant.interaction), remaining
     rows = [[plant.element(row, column) for column in units] for row in units]
     return MatrixPlant(rows), remaining
+
+
+def interchangeable(plant: Plant, loops: Sequence[Controller]) -> tuple[tuple[int, ...], ...]:
+    """Return the units in groups whose loops may change places without any effect.
+
+    Units of a parallel plant with equal settings; on a matrix plant every unit is its own.
+    """
+    if not isinstance(plant, ParallelPlant):
+        return tuple((unit,) for unit in range(plant.n))
+    groups: dict[Controller, list[int]] = {}
+    for unit, loop in enumerate(loops):
+        groups.setdefault(loop, []).append(unit)
+    return tuple(tuple(units) for units in groups.values())

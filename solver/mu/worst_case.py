@@ -41,6 +41,7 @@ __all__ = [
     "RankOnePerturbation",
     "WorstCase",
     "all_pass",
+    "interconnection",
     "worst_case",
 ]
 
@@ -146,7 +147,7 @@ def worst_case(
     size = len(channels)
     # Only |w_I| is given, so its dead time may be left out; 1 + w_I delta is then rational.
     weight = TransferFunction(uncertainty.weight.num, uncertainty.weight.den)
-    N = _interconnection(
+    N = interconnection(
         split.response(omega)[0],
         np.stack([controllers[group].response(omega) for _, group in channels], axis=1),
         weight.response(omega),
@@ -207,13 +208,16 @@ def all_pass(value: complex, omega: float) -> TransferFunction:
     return TransferFunction((-gain, gain * corner), (1.0, corner))
 
 
-def _interconnection(
+def interconnection(
     G: NDArray[np.complex128],
     c: NDArray[np.complex128],
     w_I: NDArray[np.complex128],
     w_P: NDArray[np.complex128],
 ) -> NDArray[np.complex128]:
-    """Return N (k, 2r, 2r), SLH eq. 31, with the sign of the negative feedback."""
+    """Return N_RP (k, 2r, 2r), SLH eq. 31, with the sign of the negative feedback.
+
+    G : (k, r, r); c : (k, r), the controllers; w_I, w_P : (k,); all complex.
+    """
     size = G.shape[1]
     identity = np.eye(size)
     # C S = (C^-1 + G)^-1 keeps its digits under integral action, where C and G C are huge.
