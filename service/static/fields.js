@@ -33,6 +33,7 @@ export class Form {
     const root = this.object(resolve(schema), value, "");
     this.read = root.read;
     this.node = root.node;
+    this.node.className = "root";
     this.node.addEventListener("input", (event) => this.edited(event));
     this.node.addEventListener("focusout", (event) => this.left(event));
     this.update();
@@ -132,7 +133,7 @@ export class Form {
     const input = h("input", {
       id, type: "text", autocomplete: "off", spellcheck: "false", value: shown(value),
       inputmode: s.type === "string" ? "text" : "decimal",
-      placeholder: s.nullable ? "automatic" : shown(example),
+      placeholder: s.nullable ? "optional" : shown(example),
     });
     const name = h("label", { for: id }, label(key(pointer)));
     const node = h("div", { class: "field" }, name, h("div", { class: "box" }, input, unitTag(s["x-unit"])));
@@ -206,10 +207,10 @@ export class Form {
     const show = (given) => {
       this.forget(pointer);
       inner = this.object(forms[chosen], given, pointer);
-      inner.node.classList.add("bare");
+      inner.node.className = "bare";
       content.replaceChildren(inner.node);
     };
-    const { node, read } = segments("Given as", titles, chosen);
+    const { node, read } = segments(`${name}, given as`, titles, chosen);
     node.addEventListener("change", () => {
       const old = inner.read();
       chosen = read();
@@ -218,7 +219,7 @@ export class Form {
       this.update();
     });
     show(value);
-    const whole = h("fieldset", { class: "part card" }, h("legend", {}, name), node, content);
+    const whole = h("fieldset", { class: "part union" }, h("legend", {}, name), node, content);
     return { node: whole, read: () => inner.read() };
   }
 
@@ -324,7 +325,7 @@ function key(pointer) {
   const parts = pointer.split("/");
   const numbers = parts.filter((part) => /^\d+$/.test(part)).map((part) => Number(part) + 1);
   if (!/^\d+$/.test(parts.at(-1) ?? "")) return parts.at(-1) ?? "";
-  return numbers.length > 1 ? `Row ${numbers.at(-2)}, column ${numbers.at(-1)}` : `${parts.at(-2)} ${numbers.at(-1)}`;
+  return numbers.length > 1 ? `Row ${numbers.at(-2)}, column ${numbers.at(-1)}` : `${parts.at(-2)?.replace(/s$/, "")} ${numbers.at(-1)}`;
 }
 
 /** @param {string} text a number, with a point or a comma; other text stays, to be found faulty */

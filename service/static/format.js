@@ -5,10 +5,11 @@ import { h } from "./dom.js";
 const NAMES = /** @type {Record<string, string>} */ ({
   n: "Units n", tau_p: "Time constant τₚ", epsilon: "Error ε", theta: "Time scale θ", mu: "μ",
   omega: "Frequency ω", max_peak: "Peak M", offset: "Offset A", num: "Numerator",
-  den: "Denominator", interaction: "Interaction", rga: "RGA", dead_time: "Dead time",
+  den: "Denominator", rga: "RGA", succeeded: "Done",
 });
 const OPTIONS = /** @type {Record<string, string>} */ ({
   tau_p: "Fastest loop, τₚ", mu: "Most robust, μ",
+  UncertaintyOfError: "Error and time scale", UncertaintyOfWeight: "Weight w(s)",
 });
 const SUPERSCRIPTS = "⁰¹²³⁴⁵⁶⁷⁸⁹";
 

@@ -5,6 +5,7 @@ import { h, put, svg } from "./dom.js";
 import { clock, duration, label, number, setTimeUnit, unitOf, unitTag } from "./format.js";
 import { summary } from "./record.js";
 import { resultView } from "./result.js";
+import { plantFormula } from "./symbols.js";
 
 /** @typedef {import("./main.js").View} View */
 
@@ -28,7 +29,7 @@ export async function jobView({ main, signal }, id, query) {
     h("header", { class: "lead" }, h("h1", { tabindex: "-1" }, title, " ", chip), h("p", {}, aim, " · ", clock(job.created_at))),
     body);
   const ended = (last) => {
-    chip.replaceChildren(chipOf(last.status));
+    chip.replaceChildren(chipOf(last.result?.status === "infeasible" ? "infeasible" : last.status));
     if (last.result) return resultView(body, last);
     const again = h("a", { class: "button", href: `#/?from=${id}` }, "Change and run again");
     put(body, h("section", { class: "card" },
@@ -37,7 +38,8 @@ export async function jobView({ main, signal }, id, query) {
   if (FINAL.has(job.status)) return ended(job);
 
   const meter = progress(job, () => request("DELETE", `/v1/tunings/${id}`, { signal }));
-  body.replaceChildren(meter.node);
+  const asked = h("section", { class: "card" }, h("h2", {}, "Plant"), plantFormula(job.request.plant));
+  put(body, h("div", { class: "cards" }, meter.node, asked));
   const last = await follow(id, (now) => {
     chip.replaceChildren(chipOf(now.status));
     meter.update(now);
@@ -48,7 +50,7 @@ export async function jobView({ main, signal }, id, query) {
 
 /** @param {any} job @param {() => Promise<any>} cancel */
 function progress(job, cancel) {
-  const best = h("output", { class: "big" }, "–");
+  const output = h("output", { class: "big" }, "–");
   const bar = h("progress", { max: 1, "aria-label": "Part of the search done" });
   const told = h("p", { class: "help" });
   const line = svg("polyline", { points: "" });
@@ -68,17 +70,19 @@ function progress(job, cancel) {
   };
   const timer = setInterval(tick, 500);
   const node = h("section", { class: "card progress" },
-    h("h2", {}, "Best so far"), h("p", {}, best, " ", unit), trace, bar, told, button);
+    h("h2", {}, "Best so far"), h("p", {}, output, " ", unit), trace, bar, told, button);
   const update = (now) => {
     fraction = now.progress.fraction;
     bar.value = fraction;
     if (now.progress.best !== null) {
-      best.textContent = number(now.progress.best);
-      seen.push({ at: Date.now() - started, best: now.progress.best });
+      // The service tells the best of the grouping in hand; no grouping ends worse than one before.
+      const best = Math.min(now.progress.best, seen.at(-1)?.best ?? Infinity);
+      seen.push({ at: Date.now() - started, best });
+      output.textContent = number(best);
       const high = Math.max(...seen.map((point) => point.best));
       const low = Math.min(...seen.map((point) => point.best));
       const end = Math.max(Date.now() - started, 1);
-      const points = [...seen, { at: end, best: now.progress.best }].map((point) =>
+      const points = [...seen, { at: end, best }].map((point) =>
         `${(100 * point.at) / end},${28 - (26 * (point.best - low)) / (high - low || 1)}`);
       line.setAttribute("points", points.join(" "));
     }

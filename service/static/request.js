@@ -89,6 +89,7 @@ export async function requestView({ main, signal, go }, path, { from, title }) {
   const offers = items
     .map((item) => ({ name: label(item.name), value: fitting(op.input, item.request) }))
     .filter((offer) => faults(op.input, offer.value).length === 0);
+  if (!offers.length) offers.push({ name: "Example", value: initial(op.input) });
   const chip = (name, value) =>
     h("button", { type: "button", class: "chip", onclick: () => show(value) }, name);
   const unit = h("input", { id: "unit", list: "units", maxlength: 20, value: timeUnit(), autocomplete: "off" });
@@ -96,14 +97,13 @@ export async function requestView({ main, signal, go }, path, { from, title }) {
 
   show(start);
   main.replaceChildren(
-    h("header", { class: "lead" }, h("h1", { tabindex: "-1" }, title ?? op.summary), h("p", {}, op.description)),
+    h("header", { class: "lead" }, h("h1", { tabindex: "-1" }, title ?? op.summary), h("p", {}, resolve(op.input).description)),
     h("div", { class: "chips" }, h("span", {}, "Start from"),
-      offers.map((offer) => chip(offer.name, offer.value)), chip("Empty form", initial(op.input, false))),
+      offers.map((offer) => chip(offer.name, offer.value)), chip("Empty form", initial(op.input, false)),
+      h("div", { class: "field" }, h("label", { for: "unit" }, "Unit of time"), unit),
+      h("datalist", { id: "units" }, ["s", "min", "h"].map((value) => h("option", { value })))),
     h("div", { class: "split" }, place,
       h("aside", { class: "card" },
-        h("div", { class: "field" }, h("label", { for: "unit" }, "Unit of time"), h("div", { class: "box" }, unit),
-          h("p", { class: "help" }, "Yours to choose; all times and frequencies are in it.")),
-        h("datalist", { id: "units" }, ["s", "min", "h"].map((value) => h("option", { value }))),
         formulas, problem, button)),
     outcome);
 }

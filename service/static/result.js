@@ -39,7 +39,7 @@ export function headline({ result, request: asked }) {
     : `Peak of μ at τₚ = ${number(asked.performance.tau_p)}: the demand is ${met ? "met" : "not met"} for every plant within the uncertainty`;
   return h("section", { class: `card hero${met ? "" : " missed"}` },
     h("p", {}, h("strong", { class: "big" }, number(value)), " ", byTime ? unitTag("time") : h("span", { class: "unit" }, "μ")),
-    h("p", {}, what), gainOf(result));
+    h("p", {}, what, "."), gainOf(result));
 }
 
 /** What asymmetry buys. @param {any} result */
@@ -58,7 +58,7 @@ export function peakMeters(peaks) {
     Object.entries(peaks).map(([name, { value, omega }]) =>
       h("div", { class: "peak" }, h("span", {}, PEAKS[name] ?? label(name)),
         h("meter", { min: 0, max: 1.25, high: 1.0000011, value: value ?? 1.25, "aria-label": PEAKS[name] ?? name }),
-        h("span", { class: "value" }, number(value)),
+        h("span", { class: "value" }, value === null ? "–" : value.toFixed(4)),
         h("span", { class: "help" }, `at ${number(omega, 3)} ${unitText("rad/time")}`))),
     h("p", { class: "help" }, "At most 1: the demand holds for every plant within the uncertainty."));
 }
@@ -73,12 +73,12 @@ export function resultView(body, job) {
     h("h3", {}, "What to try"), h("ul", {}, ADVICE.map((text) => h("li", {}, text))));
   const figures = h("div", { class: "figures" });
   put(body,
-    h("div", { class: "cards" }, found ? headline(job) : infeasible, result.peaks ? peakMeters(result.peaks) : null),
+    h("div", { class: "cards" }, found ? headline(job) : infeasible, found ? settings(result) : null,
+      result.peaks ? peakMeters(result.peaks) : null, certificate(job)),
     result.warnings.length ? h("section", { class: "card warning" }, h("h2", {}, "Look at this twice"),
       h("ul", {}, result.warnings.map((text) => h("li", {}, sentence(text))))) : null,
-    found ? settings(result) : null,
     actions(job), figures,
-    h("div", { class: "cards" }, certificate(job), found ? optima(result) : null, inputs(job)));
+    h("div", { class: "cards" }, found ? optima(result) : null, inputs(job)));
   if (exists("/v1/tunings/{job_id}/figures", "get")) {
     fetchFigures(`/v1/tunings/${id}/figures`, "GET", undefined, "/v1/tunings/{job_id}/figures")
       .then((answer) => drawFigures(figures, answer, `mutune-${id.slice(0, 8)}`));

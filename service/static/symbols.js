@@ -50,9 +50,7 @@ export function transferFunction(tf) {
 
 /** @param {Element[][]} cells */
 const matrix = (cells) =>
-  math("mrow", {}, mo("["),
-    math("mtable", {}, cells.map((line) => math("mtr", {}, line.map((cell) => math("mtd", {}, cell))))),
-    mo("]"));
+  math("mtable", {}, cells.map((line) => math("mtr", {}, line.map((cell) => math("mtd", {}, cell)))));
 
 const defined = (name, /** @type {Element} */ content) =>
   formula(mi(name), mo("("), mi("s"), mo(")"), mo("="), content);
@@ -75,15 +73,17 @@ export function plantFormula(plant) {
   const own = shorthand ? lag(k) : row(plant.process);
   const cross = shorthand ? lag(Number((a * k).toPrecision(12))) : row(plant.interaction);
   if (!own || !cross || !Number.isInteger(plant.n)) return view;
-  const g = () => mi("g");
-  const i = () => mi("i");
-  const dots = (text) => mo(text);
-  const cells = plant.n <= 1 ? [[g()]]
-    : plant.n === 2 ? [[g(), i()], [i(), g()]]
-      : [[g(), i(), dots("⋯"), i()], [i(), g(), dots("⋱"), dots("⋮")], [dots("⋮"), dots("⋱"), dots("⋱"), i()], [i(), dots("⋯"), i(), g()]];
+  const n = plant.n;
+  const full = (/** @type {number} */ size) => Array.from({ length: size }, (_, r) =>
+    Array.from({ length: size }, (_, c) => mi(r === c ? "g" : "i")));
+  const cells = full(n > 3 ? 4 : n);
+  if (n > 3) {
+    for (const k of [0, 1, 3]) [cells[2][k], cells[k][2]] = [mo("⋮"), mo("⋯")];
+    cells[2][2] = mo("⋱");
+  }
   view.append(defined("G", matrix(cells)));
-  if (plant.n > 2) view.append(h("p", {}, `${plant.n} × ${plant.n}`));
+  if (n > 3) view.append(h("p", {}, `${n} × ${n}`));
   view.append(defined("g", own));
-  if (plant.n > 1) view.append(defined("i", cross));
+  if (n > 1) view.append(defined("i", cross));
   return view;
 }
