@@ -19,9 +19,10 @@ from pydantic import BaseModel, ValidationError
 
 from service.problems import MEDIA_TYPE, Problem
 from service.schemas import RobustnessRequest, RobustnessResult, TuningRequest, TuningResult
+from service.schemas.batches import Batch
 from service.schemas.jobs import Job, JobProgress
 
-__all__ = ["Client", "JobEndedError", "ServiceError", "ServiceUnreachableError"]
+__all__ = ["BatchItem", "Client", "JobEndedError", "ServiceError", "ServiceUnreachableError"]
 
 _SILENCE = 60.0  # seconds without an event; the service sends a sign of life every 15
 _PATIENCE = 60.0  # seconds in which a service that went away may come back
@@ -77,11 +78,15 @@ class Client:
     ----------
     url : str
         Where the service is.
+    api_key : str or None
+        Key from ``mutune keys create``, where the service asks for one.
 
     """
 
-    def __init__(self, url: str = "http://127.0.0.1:8000") -> None:
-        self._http = httpx.Client(base_url=url, timeout=httpx.Timeout(30.0, read=_SILENCE))
+    def __init__(self, url: str = "http://127.0.0.1:8000", api_key: str | None = None) -> None:
+        headers = {} if api_key is None else {"Authorization": f"Bearer {api_key}"}
+        timeout = httpx.Timeout(30.0, read=_SILENCE)
+        self._http = httpx.Client(base_url=url, headers=headers, timeout=timeout)
 
     def __enter__(self) -> Self:
         return self
@@ -157,21 +162,61 @@ class Client:
             The service went away and did not come back within a minute.
 
         """
-        deadline = time.monotonic() + _PATIENCE
+        recovery = _Recovery()
         while True:
-            try:
-                for event, data in self._events(job_id):
-                    deadline = time.monotonic() + _PATIENCE
+            with recovery:
+                for event, data in _parse(self._lines(f"/v1/tunings/{job_id}/events")):
+                    recovery.succeeded()
                     if event == "done":
                         return Job.model_validate_json(data)
                     if on_progress is not None:
                         on_progress(_Event.model_validate_json(data).progress)
-            except (httpx.TransportError, ServiceError) as error:
-                if isinstance(error, ServiceError) and error.status not in _TRANSIENT:
-                    raise
-                if time.monotonic() > deadline:
-                    raise ServiceUnreachableError(str(error)) from error
             time.sleep(_RETRY)
+
+    def submit_batch(
+        self,
+        requests: Iterable[TuningRequest | Mapping[str, Any]],
+        idempotency_key: str | None = None,
+    ) -> Batch:
+        """Submit many tunings at once; the service accepts all of them, or none.
+
+        Parameters
+        ----------
+        requests : iterable of TuningRequest or mapping
+            The requests.
+        idempotency_key : str or None
+            Submitting again under the same key returns the same batch.
+
+        """
+        headers = {} if idempotency_key is None else {"Idempotency-Key": idempotency_key}
+        document = {"tunings": [_document(request) for request in requests]}
+        response = self._send("POST", "/v1/batches", document, headers)
+        return Batch.model_validate_json(response.content)
+
+    def results(self, batch_id: str) -> Iterator[BatchItem]:
+        """Yield the results of a batch in order, each as soon as it is there.
+
+        Raises
+        ------
+        ServiceUnreachableError
+            The service went away and did not come back within a minute.
+
+        """
+        count = self._batch(batch_id).count
+        start = 0
+        recovery = _Recovery()
+        while start < count:
+            with recovery:
+                path = f"/v1/batches/{batch_id}/results?start={start}"
+                for line in self._lines(path):
+                    recovery.succeeded()
+                    start += 1
+                    yield BatchItem.model_validate_json(line)
+            if start < count:
+                time.sleep(_RETRY)
+
+    def _batch(self, batch_id: str) -> Batch:
+        return Batch.model_validate_json(self._send("GET", f"/v1/batches/{batch_id}").content)
 
     def robustness(self, request: RobustnessRequest | Mapping[str, Any]) -> RobustnessResult:
         """Analyse given loop settings."""
@@ -193,12 +238,48 @@ class Client:
         _check(response)
         return response
 
-    def _events(self, job_id: str) -> Iterator[tuple[str, str]]:
-        with self._http.stream("GET", f"/v1/tunings/{job_id}/events") as response:
+    def _lines(self, path: str) -> Iterator[str]:
+        """Yield the lines of a stream as they come."""
+        with self._http.stream("GET", path) as response:
             if response.is_error:
                 response.read()
             _check(response)
-            yield from _parse(response.iter_lines())
+            yield from response.iter_lines()
+
+
+class BatchItem(BaseModel):
+    """One item of a batch: its place in it, and its result or its error."""
+
+    index: int
+    result: TuningResult | None = None
+    error: Problem | None = None
+
+
+class _Recovery:
+    """Swallows what a restart of the service causes, for a minute."""
+
+    def __init__(self) -> None:
+        self.succeeded()
+
+    def succeeded(self) -> None:
+        """Begin the minute anew."""
+        self._deadline = time.monotonic() + _PATIENCE
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: object
+    ) -> bool:
+        if isinstance(error, ServiceError):
+            passing = error.status in _TRANSIENT
+        else:
+            passing = isinstance(error, httpx.TransportError)
+        if not passing:
+            return False
+        if time.monotonic() > self._deadline:
+            raise ServiceUnreachableError(str(error)) from error
+        return True
 
 
 class _Event(BaseModel):

@@ -2,6 +2,7 @@
 
 from collections.abc import AsyncIterator, Iterator
 from itertools import count
+from pathlib import Path
 
 import httpx
 import pytest
@@ -11,9 +12,12 @@ from fastapi.responses import PlainTextResponse, StreamingResponse
 from samples import ROBUSTNESS, altered, tuning
 from serving import served
 
+from service.app import create_app
 from service.client import Client, JobEndedError, ServiceError, ServiceUnreachableError
+from service.keys import KeyFile, Scope
 from service.schemas import TuningRequest
 from service.schemas.jobs import JobProgress
+from service.settings import Settings
 
 
 def connect(http: httpx.Client) -> Client:
@@ -113,6 +117,57 @@ def test_answer_of_a_proxy_is_reported_by_its_status() -> None:
     ):
         mutune.get("0" * 32)
     assert raised.value.problem is None
+
+
+def test_results_of_a_batch_come_in_order(mutune: Client) -> None:
+    """Each item has its result or its error; the slow first one holds its place."""
+    requests = [tuning(seed=SLOW, starts=20), tuning(seed=UNSUPPORTED), tuning(seed=8005)]
+    batch = mutune.submit_batch(requests, "batch of the client's test")
+    assert mutune.submit_batch(requests, "batch of the client's test").id == batch.id
+    items = list(mutune.results(batch.id))
+    assert [item.index for item in items] == [0, 1, 2]
+    assert [item.result.tau_p if item.result else None for item in items] == [SLOW, None, 8005]
+    assert items[1].error is not None
+    assert items[1].error.detail == "open-loop unstable"
+
+
+def test_results_outlive_a_restart_of_the_service(client: httpx.Client, mutune: Client) -> None:
+    """A stream of results that breaks off is taken up at the next item."""
+    batch = mutune.submit_batch([tuning(seed=8006), tuning(seed=8007)])
+    whole = list(mutune.results(batch.id))
+    app, starts = FastAPI(), list[int]()
+
+    @app.get("/v1/batches/{batch_id}")
+    def get(batch_id: str) -> Response:
+        return PlainTextResponse(client.get(f"/v1/batches/{batch_id}").text)
+
+    @app.get("/v1/batches/{batch_id}/results")
+    def results(batch_id: str, start: int) -> Response:
+        starts.append(start)
+        text = client.get(f"/v1/batches/{batch_id}/results?start={start}").text
+        if len(starts) == 1:
+            return PlainTextResponse("restarting", status_code=503)
+        return PlainTextResponse(text.splitlines(keepends=True)[0])
+
+    with served(app) as restarted, connect(restarted) as waiting:
+        assert list(waiting.results(batch.id)) == whole
+    assert starts == [0, 0, 1]
+
+
+def test_api_key_is_sent(tmp_path: Path) -> None:
+    """A service with keys knows the client by its key."""
+    keys = KeyFile(tmp_path / "keys.jsonl")
+    key = keys.create("test", tuple(Scope))
+    settings = Settings(data_dir=tmp_path, workers=1, api_keys_file=tmp_path / "keys.jsonl")
+    with served(create_app(settings)) as http:
+        http.get("/healthz")
+        for api_key, status in ((None, 401), (key, 404)):
+            with (
+                Client(str(http.base_url), api_key) as mutune,
+                pytest.raises(ServiceError) as raised,
+            ):
+                mutune.get("0" * 32)
+            assert raised.value.status == status
 
 
 def test_waiting_outlives_a_restart_of_the_service(client: httpx.Client, mutune: Client) -> None:
