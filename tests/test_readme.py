@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
 import subprocess
@@ -9,6 +10,11 @@ from pathlib import Path
 
 import pytest
 from touring import ROOT, Tour
+
+from service.schemas import RobustnessRequest, TuningRequest, TuningResult
+from service.schemas.controllers import ControllerChoice
+from service.schemas.parsing import parse
+from service.schemas.tunings import Search
 
 README = (ROOT / "README.md").read_text()
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
@@ -99,3 +105,38 @@ def test_links_lead_somewhere(path: Path) -> None:
             titles = re.findall(r"^#+ (.+)$", file.read_text(), re.MULTILINE)
             anchors = [re.sub(r"[^\w\- ]", "", each.lower()).replace(" ", "-") for each in titles]
             assert heading in anchors, target
+
+
+def test_api_guide_lists_every_operation() -> None:
+    """docs/api.md and the OpenAPI document name the same operations."""
+    document = json.loads((ROOT / "openapi" / "openapi.json").read_text())
+    operations = {
+        f"{method.upper()} {path}" for path, item in document["paths"].items() for method in item
+    }
+    guide = (ROOT / "docs" / "api.md").read_text()
+    assert set(re.findall(r"`((?:GET|POST|DELETE) /\S+)`", guide)) == operations
+
+
+def test_api_guide_names_every_field_of_a_tuning() -> None:
+    """No field of a request or of a result is left out."""
+    guide = (ROOT / "docs" / "api.md").read_text()
+    for model in (TuningRequest, Search, ControllerChoice, TuningResult):
+        for name in model.model_fields:
+            assert re.search(rf"\b{name}\b", guide), name
+
+
+def test_requests_in_the_api_guide_are_valid() -> None:
+    """Every request shown can be sent as it stands."""
+    guide = (ROOT / "docs" / "api.md").read_text()
+    texts = re.findall(r"^```json\n(.*?)^```$", guide, re.MULTILINE | re.DOTALL)
+    requests = [text for text in texts if '"plant"' in text.split("\n")[1]]
+    assert len(requests) == 3
+    for text in requests:
+        model = RobustnessRequest if '"loops"' in text else TuningRequest
+        parse(model, text).build()
+
+
+@pytest.mark.parametrize("name", ["parallel_reactors", "stream_split", "distillation_column"])
+def test_examples_of_tunings_are_valid(name: str) -> None:
+    """The tunings among the examples can be sent as they stand."""
+    parse(TuningRequest, (ROOT / "examples" / f"{name}.json").read_text()).build()
