@@ -35,6 +35,7 @@ _GRID = 1000  # half periods looked at for a change of sign
 _HARMONICS = 400  # odd ones: the rest of a process of relative degree two is below 1e-5 of it
 _FEW_HARMONICS = 25  # enough to see where the sign changes
 _INSTANTS = 400  # at which the output of a candidate is looked at
+_MOST_GROWTH = 23.0  # logarithm of the growth of a state in a half period: 1e10
 _MOST_SAMPLED = 100  # sampled solutions beside one continuous one
 
 
@@ -134,8 +135,7 @@ class RelayLoop:
         states = self.B.size
         augmented = np.zeros((states + 1, states + 1))
         augmented[:states, :states], augmented[:states, states] = self.A, self.B
-        with np.errstate(over="ignore", invalid="ignore"):
-            exponential = expm(times[:, None, None] * augmented)
+        exponential = expm(times[:, None, None] * augmented)
         return exponential[:, :states, :states], exponential[:, :states, states]
 
     def switching_output(
@@ -143,19 +143,22 @@ class RelayLoop:
     ) -> NDArray[np.float64]:
         """f(h): the relay's input when a relay of amplitude 1 switches, (k,).
 
-        Exact without dead time; otherwise from that many odd `harmonics`.
+        Exact without dead time; otherwise from that many odd `harmonics`. Not a number where
+        e^{Ah} has the eigenvalue -1.
         """
         if self.has_dead_time:
-            return self._harmonics(half_periods, np.zeros(1), harmonics)[:, 0]
+            return self.harmonics(half_periods, np.zeros(1), harmonics)[:, 0]
         Phi, Gamma = self.sampled(half_periods)
-        start = np.linalg.solve(np.eye(self.B.size) + Phi, Gamma[:, :, None])[:, :, 0]
-        value: NDArray[np.float64] = start @ self.C
+        value = np.full(half_periods.shape, np.nan)
+        matrix = np.eye(self.B.size) + Phi
+        good = np.linalg.det(matrix) != 0
+        value[good] = np.linalg.solve(matrix[good], Gamma[good, :, None])[:, :, 0] @ self.C
         return value
 
-    def _harmonics(
+    def harmonics(
         self, half_periods: NDArray[np.float64], phases: NDArray[np.float64], harmonics: int
     ) -> NDArray[np.float64]:
-        """Y at the shares `phases` (m,) of the half period after a switching to -1, (k, m)."""
+        """Return y at `phases` (m,), shares of half periods (k,) after switching to -1, (k, m)."""
         orders = np.arange(1, 2 * harmonics, 2)
         omega = np.pi / half_periods
         G = self.response(np.outer(omega, orders).ravel()).reshape(omega.size, orders.size)
@@ -164,10 +167,10 @@ class RelayLoop:
         return value
 
     def waveform(self, half_period: float, shares: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Y at `shares` (k,) of the half period after the switching from +1 to -1."""
+        """Return y at `shares` (k,) of the half period after the switching from +1 to -1."""
         if self.has_dead_time:
             row: NDArray[np.float64]
-            row = self._harmonics(np.array([half_period]), shares, _HARMONICS)[0]
+            row = self.harmonics(np.array([half_period]), shares, _HARMONICS)[0]
             return row
         start = self.start(half_period)
         Phi, Gamma = self.sampled(shares * half_period)
@@ -219,7 +222,12 @@ def _roots(loop: RelayLoop, relay: Relay, sign: float, limits: tuple[float, floa
     def excess(half_period: float) -> float:
         return sign * float(loop.switching_output(np.array([half_period]))[0]) - level
 
-    grid = np.geomspace(*limits, _GRID)
+    # Beyond this growth of an unstable system the output has lost its digits.
+    growth = float(np.linalg.eigvals(loop.A).real.max(initial=0.0))
+    longest = min(limits[1], _MOST_GROWTH / growth) if growth > 0 else limits[1]
+    if longest <= limits[0]:
+        return []
+    grid = np.geomspace(limits[0], longest, _GRID)
     values = sign * loop.switching_output(grid, _FEW_HARMONICS) - level
     found = []
     for index in np.flatnonzero(values[:-1] * values[1:] < 0).tolist():
