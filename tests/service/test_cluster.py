@@ -1,0 +1,116 @@
+"""Several processes: a Dask scheduler with workers that come and go, two services on PostgreSQL."""
+
+import json
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import httpx
+import postgres
+import pytest
+from fake_tune import SLOW
+from real import DASK, MUTUNE, Process, Service, free_port, until
+from samples import tuning
+from serving import served
+
+from service.app import create_app
+from service.jobs import engine
+from service.settings import Settings
+
+
+@pytest.fixture
+def stack() -> Iterator[ExitStack]:
+    """Ends what a test has started."""
+    with ExitStack() as stack:
+        yield stack
+
+
+def test_workers_and_scheduler_come_and_go_while_a_batch_runs(
+    stack: ExitStack, tmp_path: Path
+) -> None:
+    """Killed workers and a killed scheduler cost time and nothing else."""
+    address = f"tcp://127.0.0.1:{free_port()}"
+
+    def scheduler() -> Process:
+        port = address.rpartition(":")[2]
+        command = (DASK, "scheduler", "--host", "127.0.0.1", "--port", port, "--no-dashboard")
+        process = Process(tmp_path / "scheduler.log", *command, "--dashboard-address", ":0")
+        stack.callback(process.end)
+        return process
+
+    def worker() -> Process:
+        command = (MUTUNE, "worker", "--scheduler", address)
+        process = Process(tmp_path / "worker.log", *command, MUTUNE_WORKERS="1")
+        stack.callback(process.end)
+        return process
+
+    first_scheduler, first_worker = scheduler(), worker()
+    service = Service(tmp_path, MUTUNE_SCHEDULER=address)
+    stack.callback(service.end)
+    until(service.is_ready, "the first worker")
+    tunings = [tuning(SLOW, starts=30 + number) for number in range(30)]
+    batch = service.client.post("/v1/batches", json={"tunings": tunings}).json()
+
+    def finished() -> int:
+        states = service.client.get(batch["links"]["self"]).json()["states"]
+        assert states["failed"] == 0
+        succeeded: int = states["succeeded"]
+        return succeeded
+
+    until(finished, "the first result")
+    worker()
+    first_worker.kill()
+    at_the_loss = finished()
+    until(lambda: finished() > at_the_loss + 1, "results of the second worker")
+    first_scheduler.kill()
+    scheduler()
+    lines = service.client.get(batch["links"]["results"]).text.splitlines()
+    assert [json.loads(line)["result"]["tau_p"] for line in lines] == [float(SLOW)] * 30
+
+
+def test_second_service_takes_over_when_the_first_is_killed(
+    stack: ExitStack, tmp_path: Path
+) -> None:
+    """Of two services on one database one dispatches; jobs go on when it is killed."""
+    url = stack.enter_context(postgres.cluster())
+    services = []
+    for name in ("one", "two"):
+        folder = tmp_path / name
+        folder.mkdir()
+        service = Service(folder, MUTUNE_DATABASE_URL=url, MUTUNE_WORKERS="1")
+        stack.callback(service.end)
+        until(service.is_ready, f"service {name}")
+        services.append(service)
+    first, second = services
+    # The first one came first, so it leads; the second one accepts and shows all the same.
+    tunings = [tuning(SLOW, starts=40 + number) for number in range(12)]
+    batch = second.client.post("/v1/batches", json={"tunings": tunings}).json()
+    until(lambda: _succeeded(second, batch["links"]["self"]) >= 3, "results")
+    first.kill()
+    lines = second.client.get(batch["links"]["results"]).text.splitlines()
+    assert [json.loads(line)["index"] for line in lines] == list(range(12))
+    assert all("result" in json.loads(line) for line in lines)
+
+
+def _succeeded(service: Service, path: str) -> int:
+    count: int = service.client.get(path).json()["states"]["succeeded"]
+    return count
+
+
+@pytest.mark.usefixtures("_fake_tuner")
+def test_worker_of_another_version_gets_no_work(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A worker with another version of mutune is refused, and readiness names it."""
+    monkeypatch.setattr(engine, "VERSION", "0.0.0")
+    with served(create_app(Settings(data_dir=tmp_path, workers=1))) as client:
+        until(lambda: _readiness(client)["refused_workers"], "the refusal")
+        assert client.get("/readyz").status_code == 503
+        assert _readiness(client)["workers"] == 0
+        job = client.post("/v1/tunings", json=tuning(), headers={"Prefer": "wait=1"}).json()
+        assert job["status"] == "queued"
+
+
+def _readiness(client: httpx.Client) -> dict[str, object]:
+    document: dict[str, object] = client.get("/readyz").json()
+    return document
