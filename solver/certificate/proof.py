@@ -1,6 +1,6 @@
 """The two statements a certificate rests on, decided for one frequency interval at a time.
 
-Robust performance: the form F of `Expansion.performance_form` is positive definite. It is, on the
+Robust performance: the form F of `EnclosedLoop` is positive definite. It is, on the
 whole interval, a convex combination of its control points, so it is if they are.
 
 Nominal stability: det E, multiplied by the power of s that makes it finite at s = 0, is analytic
@@ -17,16 +17,14 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
-import numpy as np
-from flint import acb, acb_mat, arb, fmpq
+from flint import acb, acb_mat, arb, arb_mat, fmpq
 
-from solver.certificate.expansion import Expansion, Loop
-from solver.enclosures import POINTS, Interval, UnenclosedError, control_points
+from solver.certificate.enclosed_loop import EnclosedLoop, Loop
+from solver.enclosures import Interval
+from solver.taylor_model import UnenclosedError, control_points
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-
-    from numpy.typing import NDArray
 
     from solver.enclosures import Frame
 
@@ -64,16 +62,16 @@ def examine(loop: Loop, interval: Interval, scales: Sequence[float]) -> Turns | 
     X = loop.X(scales)
     turns = []
     try:
-        thin, fat = Expansion(loop, interval.thin), Expansion(loop, interval.fat)
+        enclosed = EnclosedLoop(loop, interval.axis)
         for index, block in enumerate(loop.blocks):
-            F = control_points(thin.performance_form(index, X), fat.performance_form(index, X))
-            if not all(_is_positive(F, point, len(block.settings)) for point in range(POINTS)):
+            F = control_points(enclosed.performance_form(index, X))
+            if not all(_is_positive(F, k, len(block.settings)) for k in range(F.ncols())):
                 return Gap.PERFORMANCE
         for index in range(len(loop.blocks)):
             if interval.unbounded:
                 turn = _turn_to_the_real_axis(loop, index, interval)
             else:
-                turn = _turn_along_the_axis(thin, fat, index, interval)
+                turn = _turn_along_the_axis(enclosed, index, interval)
             if turn is None:
                 return Gap.STABILITY
             turns.append(turn)
@@ -125,22 +123,19 @@ def _is_positive(elements: acb_mat, point: int, size: int) -> bool:
     return True
 
 
-def _turn_along_the_axis(
-    thin: Expansion, fat: Expansion, index: int, interval: Interval
-) -> arb | None:
+def _turn_along_the_axis(enclosed: EnclosedLoop, index: int, interval: Interval) -> arb | None:
     """Return the change of argument of det E from the low end of an interval to the high one."""
-    E_thin, E_fat = (e.blocks[index].return_difference for e in (thin, fat))
-    points = control_points([e for row in E_thin for e in row], [e for row in E_fat for e in row])
-    size = len(E_thin)
+    E = enclosed.blocks[index].return_difference
+    points = control_points([element for row in E for element in row])
     hull = [
-        acb_mat([[points[r * size + c, k] for c in range(size)] for r in range(size)])
-        for k in range(POINTS)
+        acb_mat([[points[r * len(E) + c, k] for c in range(len(E))] for r in range(len(E))])
+        for k in range(points.ncols())
     ]
-    multiplier = _approximate_inverse(_midpoint(hull[POINTS // 2]))
-    if multiplier is None or not all(_is_near_identity(multiplier * E) for E in hull):
+    multiplier = _approximate_inverse(hull[len(hull) // 2])
+    if multiplier is None or not all(_is_near_identity(multiplier * point) for point in hull):
         return None
     low, high = (
-        _argument(multiplier, thin.loop, index, interval.at(end))
+        _argument(multiplier, enclosed.loop, index, interval.at(end))
         for end in (interval.low, interval.high)
     )
     return high - low
@@ -151,7 +146,7 @@ def _turn_to_the_real_axis(loop: Loop, index: int, interval: Interval) -> arb | 
     # The half disk holds both the axis beyond low and the arc that closes the contour.
     E = _values(loop, index, interval.tail)
     # A real multiplier keeps the determinant real at real s; near the identity it is positive.
-    multiplier = _approximate_inverse(_midpoint(E).real)
+    multiplier = _approximate_inverse(E.real)
     if multiplier is None or not _is_near_identity(multiplier * E):
         return None
     # Here the rows lack their powers of s, which turn by a quarter each.
@@ -164,26 +159,23 @@ def _argument(multiplier: acb_mat, loop: Loop, index: int, frame: Frame) -> arb:
 
 
 def _values(loop: Loop, index: int, frame: Frame) -> acb_mat:
-    """Return E in a frame of one term."""
-    E = Expansion(loop, frame).blocks[index].return_difference
-    return acb_mat([[element[0] for element in row] for row in E])
+    """Return balls that hold E over a frame."""
+    E = EnclosedLoop(loop, frame).blocks[index].return_difference
+    return acb_mat([[element.values for element in row] for row in E])
 
 
-def _midpoint(matrix: acb_mat) -> NDArray[np.complex128]:
-    return np.array([[complex(element) for element in row] for row in matrix.tolist()])
-
-
-def _approximate_inverse(matrix: NDArray[np.complex128] | NDArray[np.float64]) -> acb_mat | None:
+def _approximate_inverse(matrix: acb_mat | arb_mat) -> acb_mat | None:
     try:
-        return acb_mat(np.linalg.inv(matrix).tolist())
-    except np.linalg.LinAlgError:
+        return acb_mat(matrix.mid().inv().mid())
+    except ZeroDivisionError:
         return None
 
 
 def _is_near_identity(matrix: acb_mat) -> bool:
     """Whether max_r sum_c |a_rc - (r = c)| < sin(pi/k), or 1 for k = 1."""
-    reach = arb.sin_pi_fmpq(fmpq(1, max(matrix.nrows(), 2)))
+    size = matrix.nrows()
+    reach = arb.sin_pi_fmpq(fmpq(1, max(size, 2)))
     return all(
-        sum((abs(element - (r == c)) for c, element in enumerate(row)), arb(0)) < reach
-        for r, row in enumerate(matrix.tolist())
+        sum((abs(matrix[r, c] - (r == c)) for c in range(size)), arb(0)) < reach
+        for r in range(size)
     )

@@ -54,18 +54,21 @@ def read_certificate(text: str | bytes) -> Certificate:
 def _certificate(document: object) -> Certificate:
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         _refuse(f'not a certificate: "format" is not "{FORMAT}"', "/format")
-    if document.get("version") != VERSION:
+    if document.get("version") is True or document.get("version") != VERSION:
         _refuse(f"unknown version: this program checks version {VERSION}", "/version")
-    names = "format version gamma plant uncertainty performance loops intervals"
+    names = "format version gamma plant uncertainty performance loops intervals digest"
     members = _members(document, names)
-    # Plain assignments: the order of the checks is that of the document.
     gamma = _within("/gamma", _number, members["gamma"])
     plant = _within("/plant", _plant, members["plant"])
     uncertainty = _within("/uncertainty", _uncertainty, members["uncertainty"])
     performance = _within("/performance", _performance, members["performance"])
     loops = _within("/loops", _each(_loop), members["loops"])
     intervals = _within("/intervals", _each(_interval), members["intervals"])
-    return Certificate(Claim(plant, uncertainty, performance, loops, gamma), intervals)
+    certificate = Certificate(Claim(plant, uncertainty, performance, loops, gamma), intervals)
+    # The digest of what was read, so that white space and the form of numbers do not matter.
+    if members["digest"] != certificate.to_document()["digest"]:
+        _refuse("the document was changed: its digest does not fit its content", "/digest")
+    return certificate
 
 
 def _plant(value: object) -> Plant:

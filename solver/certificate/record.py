@@ -1,11 +1,14 @@
 """The certificate: what is claimed, the D-scales that prove it, and its JSON document.
 
 The document has the forms of the service's requests. Every number is written as the shortest
-decimal that reads back as the same double, so nothing is lost on the way.
+decimal that reads back as the same double, so nothing is lost on the way. A digest tells an
+altered document from a wrong claim; it is no signature.
 """
 
 from __future__ import annotations
 
+import hashlib
+import json
 import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -115,38 +118,53 @@ class Certificate:
 
     def to_document(self) -> dict[str, Any]:
         """Return the document, ready for `json.dumps`. `read_certificate` is the inverse."""
+        content = self._content()
+        return {**content, "digest": _digest(content)}
+
+    def _content(self) -> dict[str, Any]:
         claim = self.claim
+        # Numbers as floats throughout, so that 101 and 101.0 have the same digest.
         return {
             "format": FORMAT,
             "version": VERSION,
-            "gamma": claim.gamma,
+            "gamma": float(claim.gamma),
             "plant": _plant(claim.plant),
             "uncertainty": {
                 "weight": _transfer_function(claim.uncertainty.weight),
                 "structure": str(claim.uncertainty.structure),
             },
             "performance": {
-                "max_peak": claim.performance.max_peak,
-                "offset": claim.performance.offset,
-                "tau_p": claim.performance.tau_p,
+                "max_peak": float(claim.performance.max_peak),
+                "offset": float(claim.performance.offset),
+                "tau_p": _optional(claim.performance.tau_p),
             },
             "loops": [
                 {
-                    "gain": loop.gain,
-                    "integral_time": loop.integral_time,
-                    "derivative_time": loop.derivative_time,
+                    "gain": float(loop.gain),
+                    "integral_time": float(loop.integral_time),
+                    "derivative_time": _optional(loop.derivative_time),
                 }
                 for loop in claim.loops
             ],
             "intervals": [
                 {
-                    "low": proven.interval.low,
-                    "high": None if proven.interval.unbounded else proven.interval.high,
-                    "scales": list(proven.scales),
+                    "low": float(proven.interval.low),
+                    "high": None if proven.interval.unbounded else float(proven.interval.high),
+                    "scales": [float(scale) for scale in proven.scales],
                 }
                 for proven in self.intervals
             ],
         }
+
+
+def _optional(value: float | None) -> float | None:
+    return None if value is None else float(value)
+
+
+def _digest(content: dict[str, Any]) -> str:
+    """Return the SHA-256 of the content with sorted names and no white space, in hexadecimal."""
+    text = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def _plant(plant: Plant) -> dict[str, Any]:

@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING
 
 from flint import ctx
 
-from solver.certificate.expansion import Loop
+from solver.certificate.enclosed_loop import Loop
 from solver.certificate.proof import Gap, examine, unstable_poles
 from solver.certificate.reading import read_certificate
-from solver.enclosures import PRECISION, Interval
+from solver.enclosures import Interval
 from solver.errors import InvalidInputError
+from solver.taylor_model import PRECISION
 
 if TYPE_CHECKING:
     from solver.certificate.record import Certificate

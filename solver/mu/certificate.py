@@ -14,12 +14,13 @@ import numpy as np
 from flint import ctx
 
 from solver.blocks import group_loops
-from solver.certificate.expansion import Loop
+from solver.certificate.enclosed_loop import Loop
 from solver.certificate.proof import Gap, Turns, examine, unstable_poles
 from solver.certificate.record import Certificate, Claim, ProvenInterval
-from solver.enclosures import PRECISION, Interval
+from solver.enclosures import Interval
 from solver.mu.kernel import COLD, FINE
 from solver.mu.scaling import sweep
+from solver.taylor_model import PRECISION
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -37,8 +38,9 @@ class Obstacle(StrEnum):
 
     EXCEEDED: the upper bound of mu is above the level at `omega`; ask for a higher level.
     UNSTABLE: the loops are nominally unstable; mu has no meaning for them.
-    UNRESOLVED: the intervals became too narrow or too many near `omega`: mu touches the level
-    there, or the plant passes inputs on at once and with dead time; ask for a higher level.
+    UNRESOLVED: the intervals became too narrow or too many near `omega`: (a) mu touches the level
+    there: ask for a higher one, (b) a closed-loop pole lies on the imaginary axis, at s = 0 if the
+    plant's static gain is singular, (c) the plant passes its input on at once and with dead time.
     """
 
     EXCEEDED = "exceeded"

@@ -1,4 +1,4 @@
-"""The loop in exact numbers, and the matrices of the two statements expanded over frequency.
+"""The loop in exact numbers, and the matrices of the two statements over frequency intervals.
 
 With E = I + G C, X = diag(d_i^2) and the diagonal M = |w_I|^2 C^H X C + |w_P|^2 I,
 
@@ -14,12 +14,13 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from flint import acb, acb_series, fmpq, fmpq_poly
+from flint import acb, fmpq, fmpq_poly
 
 from solver.certificate.reduction import Block, blocks, settings_of
 from solver.controllers import DERIVATIVE_FILTER
-from solver.enclosures import Frame, Ratio, Response, conjugate, exact, is_hurwitz, quotient
+from solver.enclosures import Frame, Ratio, Response, exact, is_hurwitz
 from solver.errors import InvalidInputError, UnsupportedPlantError
+from solver.taylor_model import TaylorModel
 from solver.weights import Structure
 
 if TYPE_CHECKING:
@@ -30,9 +31,9 @@ if TYPE_CHECKING:
     from solver.plants import Plant
     from solver.weights import Performance
 
-__all__ = ["Expansion", "Loop"]
+__all__ = ["EnclosedLoop", "Loop"]
 
-Matrix = list[list[acb_series]]
+Matrix = list[list[TaylorModel]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,12 +129,12 @@ def _performance_weight(performance: Performance) -> Ratio:
 
 
 @dataclass(frozen=True, eq=False)
-class BlockExpansion:
-    """A block expanded in one frame, row r multiplied by sigma^k_r with its k_r integrators.
+class EnclosedBlock:
+    """A block over one frame, row r multiplied by sigma^k_r with its k_r integrators.
 
     Parameters
     ----------
-    identity : list of acb_series
+    identity : list of TaylorModel
         sigma^k_r, (k,).
     plant : Matrix
         T G, (k, k).
@@ -142,90 +143,102 @@ class BlockExpansion:
 
     """
 
-    identity: list[acb_series]
+    identity: list[TaylorModel]
     plant: Matrix
     return_difference: Matrix
 
 
-class Expansion:
-    """The loop expanded in one frame.
+class EnclosedLoop:
+    """The loop over one frame.
 
     Parameters
     ----------
     loop : Loop
         The loop.
     frame : Frame
-        Where to expand.
+        Where to enclose it.
+
+    Raises
+    ------
+    UnenclosedError
+        A pole may lie in the frame.
 
     """
 
     def __init__(self, loop: Loop, frame: Frame) -> None:
         self.loop = loop
         self.frame = frame
-        self._responses: dict[tuple[Response, int], acb_series] = {}
-        self._controllers = [ratio.expand(frame, 1) for ratio in loop.controllers]
-        self.blocks = [self._expand(block) for block in loop.blocks]
+        self._responses: dict[tuple[Response, int], TaylorModel] = {}
+        self._controllers = [ratio.enclose(frame, 1) for ratio in loop.controllers]
+        self.blocks = [self._enclose(block) for block in loop.blocks]
 
-    def performance_form(self, index: int, X: Sequence[fmpq]) -> list[acb_series]:
-        """Return T F T^H of a block, rows multiplied as there: the lower triangle by rows."""
+    def performance_form(self, index: int, X: Sequence[fmpq]) -> list[TaylorModel]:
+        """Return T F T^H of a block, rows multiplied as there: the lower triangle by rows.
+
+        Raises
+        ------
+        UnenclosedError
+            M may be singular in the frame.
+
+        """
         block, parts = self.loop.blocks[index], self.blocks[index]
         T, w = block.combination, block.weights
         E, G, powers = parts.return_difference, parts.plant, parts.identity
         inputs, outputs = range(len(w)), range(len(T))
         over_M = [
-            quotient(self.frame.constant(acb(self.loop.level_squared * w[i])), M)
+            M.reciprocal().scaled(self.loop.level_squared * w[i])
             for i, M in enumerate(self._M(block, X))
         ]
-        over_X = [acb(w[i] / X[x]) for i, x in enumerate(block.settings)]
-        E_right = [[conjugate(E[c][i]) * over_M[i] for i in inputs] for c in outputs]
-        G_right = [[conjugate(G[c][i]) * over_X[i] for i in inputs] for c in outputs]
+        over_X = [w[i] / X[x] for i, x in enumerate(block.settings)]
+        E_right = [[E[c][i].conjugate * over_M[i] for i in inputs] for c in outputs]
+        G_right = [[G[c][i].conjugate.scaled(over_X[i]) for i in inputs] for c in outputs]
         elements = []
         for r in outputs:
             for c in range(r + 1):
-                constant = -sum((w[i] * T[r][i] * T[c][i] for i in inputs), fmpq(0))
-                element = powers[r] * conjugate(powers[c]) * acb(constant)
+                constant = sum((w[i] * T[r][i] * T[c][i] for i in inputs), fmpq(0))
+                element = (powers[r] * powers[c].conjugate).scaled(-constant)
                 for i in inputs:
-                    element += E[r][i] * E_right[c][i] - G[r][i] * G_right[c][i]
+                    element = element + E[r][i] * E_right[c][i] - G[r][i] * G_right[c][i]
                 elements.append(element)
         return elements
 
     @cached_property
-    def _weights_squared(self) -> tuple[acb_series, acb_series]:
+    def _weights_squared(self) -> tuple[TaylorModel, TaylorModel]:
         """|w_I|^2 and |sigma w_P|^2."""
-        w_I = self.loop.uncertainty.expand(self.frame, 0)
-        w_P = self.loop.performance.expand(self.frame, 1)
-        return w_I * conjugate(w_I), w_P * conjugate(w_P)
+        w_I = self.loop.uncertainty.enclose(self.frame, 0)
+        w_P = self.loop.performance.enclose(self.frame, 1)
+        return w_I * w_I.conjugate, w_P * w_P.conjugate
 
-    def _M(self, block: Block, X: Sequence[fmpq]) -> list[acb_series]:  # noqa: N802 - the matrix M
+    def _M(self, block: Block, X: Sequence[fmpq]) -> list[TaylorModel]:  # noqa: N802 - the matrix
         """Return |sigma|^2 M, its diagonal."""
         w_I, w_P = self._weights_squared
         controllers = [self._controllers[x] for x in block.settings]
         return [
-            w_I * (c * conjugate(c)) * acb(X[x]) + w_P
+            (w_I * (c * c.conjugate)).scaled(X[x]) + w_P
             for c, x in zip(controllers, block.settings, strict=True)
         ]
 
-    def _expand(self, block: Block) -> BlockExpansion:
+    def _enclose(self, block: Block) -> EnclosedBlock:
         identity, plant, return_difference = [], [], []
         for r, count in enumerate(block.integrators):
-            powers = self.frame.constant(acb(1))
+            powers = TaylorModel.constant(acb(1))
             for _ in range(count):
                 powers = powers * self.frame.sigma
             row = [
-                self._response(response, count) * acb(factor)
+                self._response(response, count).scaled(factor)
                 for response, factor in zip(block.responses[r], block.factors[r], strict=True)
             ]
             identity.append(powers)
             plant.append(row)
             return_difference.append(
                 [
-                    powers * self.frame.sigma * acb(t) + g * self._controllers[x]
+                    (powers * self.frame.sigma).scaled(t) + g * self._controllers[x]
                     for t, g, x in zip(block.combination[r], row, block.settings, strict=True)
                 ]
             )
-        return BlockExpansion(identity, plant, return_difference)
+        return EnclosedBlock(identity, plant, return_difference)
 
-    def _response(self, response: Response, factors: int) -> acb_series:
+    def _response(self, response: Response, factors: int) -> TaylorModel:
         if (response, factors) not in self._responses:
-            self._responses[response, factors] = response.expand(self.frame, factors)
+            self._responses[response, factors] = response.enclose(self.frame, factors)
         return self._responses[response, factors]

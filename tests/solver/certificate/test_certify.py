@@ -1,0 +1,254 @@
+"""Certificates exist above the peak of mu and nowhere else, and their scales hold on any grid."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from certified_loops import (
+    PUBLISHED,
+    PUBLISHED_PEAK,
+    level_at,
+    loops_to_certify,
+    mu_over,
+    peak_of,
+    published,
+)
+from hypothesis import HealthCheck, assume, given, settings
+
+from solver.certificate import Certificate, Claim, check
+from solver.controllers import Controller
+from solver.errors import Cancelled, InvalidInputError, UnsupportedPlantError
+from solver.mu.certificate import CertificateFailure, Obstacle, certify
+from solver.plants import MatrixPlant, ParallelPlant, Plant, first_order
+from solver.transfer_function import TransferFunction
+from solver.weights import Performance, Structure, Uncertainty
+
+UNCERTAINTY = Uncertainty.from_error(0.2, 1)
+Loops = tuple[Plant, Uncertainty, Performance, tuple[Controller, ...]]
+
+
+def grid(certificate: Certificate, points: int) -> np.ndarray:
+    """Frequencies inside every interval and at its ends."""
+    omega = []
+    for proven in certificate.intervals:
+        low, high = proven.interval.low, proven.interval.high
+        low, high = (low or high / 1e4), (low * 1e4 if math.isinf(high) else high)
+        omega.append(np.geomspace(low, high, points))
+    return np.concatenate(omega)
+
+
+def certified(claim: Claim) -> Certificate:
+    """Return the certificate of a claim that holds, checked."""
+    certificate = certify(claim)
+    assert isinstance(certificate, Certificate), certificate
+    assert check(certificate).ok
+    return certificate
+
+
+def test_the_published_settings_are_certified_at_1_0004(certificate: Certificate) -> None:
+    """SLH section 5: the peak is 1.00034840, and every frequency is below 1.0004."""
+    assert check(certificate).ok
+    assert level_at(grid(certificate, 50), certificate).max() <= 1.0004
+
+
+def test_the_published_settings_are_refused_at_1_0003() -> None:
+    """SLH section 5: mu exceeds 1.0003 near 0.0314, and the refusal says so."""
+    failure = certify(published(1.0003))
+    assert isinstance(failure, CertificateFailure)
+    assert failure.obstacle is Obstacle.EXCEEDED
+    assert failure.omega == pytest.approx(0.0314362, rel=0.1)
+    assert 1.0003 < (failure.mu or 0) <= PUBLISHED_PEAK + 1e-8
+
+
+def test_a_level_within_1e_6_of_the_peak_is_certified() -> None:
+    """The enclosures leave no gap that matters: 1.00034840 < 1.000349."""
+    certified(published(1.000349))
+
+
+def test_a_resonance_between_the_points_of_a_grid_is_caught() -> None:
+    """A resonance far narrower than the spacing of a 100-point grid stands out in no point."""
+    omega = np.geomspace(1e-3, 1e2, 100)
+    centre = math.sqrt(omega[70] * omega[71])
+    damping = 1e-5
+    resonance = [1, 2 * 40 * damping * centre, centre**2]
+    anti = [1, 2 * damping * centre, centre**2]
+    process = TransferFunction(np.convolve([1.0], resonance), np.convolve([100, 1], anti))
+    plant = ParallelPlant(2, process, TransferFunction([0.5], [100, 1]))
+    loops = (Controller(30, 100), Controller(25, 90))
+    task = (plant, UNCERTAINTY, Performance(tau_p=30.0), loops)
+    seen = mu_over(omega, *task).max()
+    assert seen < 0.95
+    failure = certify(Claim(*task, 1.0))
+    assert isinstance(failure, CertificateFailure)
+    assert failure.obstacle is Obstacle.EXCEEDED
+    assert failure.omega == pytest.approx(centre, rel=0.01)
+    true_peak = mu_over(centre * (1 + np.linspace(-1e-2, 1e-2, 20001)), *task).max()
+    assert true_peak > 1.05
+    certified(Claim(*task, 1.002 * true_peak))
+
+
+@settings(max_examples=500, deadline=None, suppress_health_check=[HealthCheck.filter_too_much])
+@given(loops_to_certify())
+def test_the_level_is_never_below_the_peak_and_within_one_per_cent_of_it(task: Loops) -> None:
+    """Random stable loops: certified at 1.005 times the dense peak, and with scales that hold."""
+    peak = peak_of(*task)
+    assume(peak < 10)  # at the verge of instability no grid shows the peak
+    certificate = certify(Claim(*task, 1.005 * peak))
+    if isinstance(certificate, CertificateFailure):
+        assume(certificate.obstacle is not Obstacle.UNSTABLE)
+        pytest.fail(f"{certificate} with a peak of {peak}")
+    assert level_at(grid(certificate, 5), certificate).max() <= 1.005 * peak * (1 + 1e-9)
+
+
+@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.filter_too_much])
+@given(loops_to_certify())
+def test_nothing_is_certified_below_the_peak(task: Loops) -> None:
+    """Random stable loops: a level 1e-6 under a value that mu takes is refused."""
+    peak = peak_of(*task)
+    assume(peak < 10)
+    failure = certify(Claim(*task, peak * (1 - 1e-6)))
+    assert isinstance(failure, CertificateFailure)
+    assert failure.obstacle in {Obstacle.EXCEEDED, Obstacle.UNSTABLE}
+
+
+def test_the_certificate_does_not_depend_on_the_unit_of_time() -> None:
+    """Minutes or seconds: the same number of intervals, at 60 times lower frequencies."""
+    plant, _, _, loops = PUBLISHED
+    in_seconds = Claim(
+        first_order(2, 1, 6000, 0.949),
+        Uncertainty.from_error(0.2, 60),
+        Performance(tau_p=19.0 * 60),
+        tuple(Controller(loop.gain, loop.integral_time * 60) for loop in loops),
+        1.001,
+    )
+    first, second = certified(published(1.001)), certified(in_seconds)
+    assert plant.n == 2
+    assert len(first.intervals) == len(second.intervals)
+    assert second.intervals[0].interval.high == pytest.approx(
+        first.intervals[0].interval.high / 60, rel=1e-9
+    )
+
+
+LAG = TransferFunction([1], [10, 1])
+CASES = {
+    "one unit": (first_order(1, 1, 100, 0), 15.0, (Controller(40, 60),)),
+    "no interaction": (first_order(3, 1, 100, 0), 15.0, (Controller(40, 60),) * 3),
+    "nearly singular": (
+        first_order(2, 1, 100, 0.9999),
+        30_000.0,
+        (Controller(40, 100), Controller(20, 60)),
+    ),
+    "fifty units in two groups": (
+        first_order(50, 1, 100, -0.015),
+        30.0,
+        (Controller(40, 100),) * 25 + (Controller(20, 60),) * 25,
+    ),
+    "dead times that differ": (
+        ParallelPlant(
+            2, TransferFunction([1], [10, 1], 2.0), TransferFunction([0.5], [20, 1], 5.0)
+        ),
+        40.0,
+        (Controller(1, 10), Controller(1.5, 12)),
+    ),
+    "long dead time": (
+        first_order(2, 1, 10, 0.3, 50.0),
+        300.0,
+        (Controller(0.15, 20), Controller(0.2, 25)),
+    ),
+    "integrating, one mode only": (
+        ParallelPlant(3, TransferFunction([1, 1], [1, 0.1, 0]), TransferFunction([1], [0.1, 0])),
+        80.0,
+        (Controller(0.02, 300),) * 3,
+    ),
+    "order twenty": (
+        ParallelPlant(
+            2,
+            TransferFunction([1], np.poly([-1] * 20)),
+            TransferFunction([0.5], np.poly([-1] * 20)),
+        ),
+        200.0,
+        (Controller(0.1, 10), Controller(0.12, 9)),
+    ),
+    "column of SLH eq. 3": (
+        MatrixPlant(
+            [
+                [TransferFunction([87.8], [75, 1]), TransferFunction([-86.4], [75, 1])],
+                [TransferFunction([108.2], [75, 1]), TransferFunction([-109.6], [75, 1])],
+            ]
+        ),
+        10.0,
+        (Controller(1.79, 75), Controller(-0.47, 5)),
+    ),
+    "matrix with a zero element": (
+        MatrixPlant(
+            [[LAG, TransferFunction([0], [1])], [TransferFunction([0.4], [30, 1], 1.0), LAG]]
+        ),
+        10.0,
+        (Controller(2, 10), Controller(2, 10)),
+    ),
+}
+
+
+@pytest.mark.parametrize("structure", Structure)
+@pytest.mark.parametrize("case", CASES)
+def test_every_kind_of_plant_is_certified_close_to_its_peak(
+    case: str, structure: Structure
+) -> None:
+    """Within 0.2 per cent of the peak on a dense grid, and the whole loop confirms the scales."""
+    plant, tau_p, loops = CASES[case]
+    uncertainty = Uncertainty.from_error(0.1, 0.5, structure)
+    task = (plant, uncertainty, Performance(tau_p=tau_p), loops)
+    peak = mu_over(np.geomspace(1e-7, 1e4, 5000), *task).max()
+    certificate = certified(Claim(*task, 1.002 * peak))
+    assert level_at(grid(certificate, 5), certificate).max() <= 1.002 * peak * (1 + 1e-9)
+
+
+def test_unstable_loops_have_no_certificate() -> None:
+    """At gains ten times too high for the dead time, the failure counts the unstable poles."""
+    plant = first_order(2, 1, 100, 0.5, 5.0)
+    task = (plant, UNCERTAINTY, Performance(tau_p=100.0))
+    failure = certify(Claim(*task, (Controller(300, 60),) * 2, 1e6))
+    assert isinstance(failure, CertificateFailure)
+    assert failure.obstacle is Obstacle.UNSTABLE
+    assert failure.unstable_poles > 0
+
+
+def test_a_level_that_mu_touches_is_left_unresolved_or_exceeded() -> None:
+    """A level equal to the static value of mu cannot be proven, and the search ends."""
+    plant = first_order(1, 1, 100, 0)
+    task = (plant, UNCERTAINTY, Performance(offset=0.5, tau_p=5000.0), (Controller(0.5, 100),))
+    static = mu_over(np.array([1e-9]), *task)[0]
+    assert mu_over(np.geomspace(1e-7, 1e3, 2000), *task).max() <= static * (1 + 1e-9)
+    assert isinstance(certify(Claim(*task, float(static) * (1 - 1e-13))), CertificateFailure)
+
+
+def test_plants_that_are_unstable_in_open_loop_are_refused() -> None:
+    """An unstable pole is outside what the encirclement count covers."""
+    plant = ParallelPlant(1, TransferFunction([1], [1, -1]), LAG)
+    with pytest.raises(UnsupportedPlantError, match="pole"):
+        certify(Claim(plant, UNCERTAINTY, Performance(tau_p=1.0), (Controller(1, 1),), 1.0))
+
+
+def test_a_missing_time_constant_is_named() -> None:
+    """The level of mu is undefined without a performance weight."""
+    plant, uncertainty, _, loops = PUBLISHED
+    with pytest.raises(InvalidInputError) as fault:
+        certify(Claim(plant, uncertainty, Performance(), loops, 1.0))
+    assert fault.value.field == "/performance/tau_p"
+
+
+def test_an_interruption_ends_the_search() -> None:
+    """What the callback raises reaches the caller."""
+
+    def stop() -> None:
+        raise Cancelled
+
+    with pytest.raises(Cancelled):
+        certify(published(1.0004), stop)
+
+
+def test_the_same_claim_has_the_same_certificate(certificate: Certificate) -> None:
+    """The search is deterministic to the last digit."""
+    assert certify(published(1.0004)) == certificate
