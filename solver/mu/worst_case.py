@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.blocks import reduce
-from solver.mu.lower_bound import lower_bound
+from solver.mu.lower_bound import LowerBound, lower_bound
 from solver.mu.structure import BlockStructure, bound_of_scales
 from solver.plants import ParallelPlant
 from solver.transfer_function import MAX_ORDER, TransferFunction
@@ -42,6 +42,7 @@ __all__ = [
     "WorstCase",
     "all_pass",
     "interconnection",
+    "lower_bounds",
     "worst_case",
 ]
 
@@ -89,21 +90,16 @@ class WorstCase:
 
     Its size is 1/mu. With it the input uncertainty G (I + w_I Delta_I), w_I without its dead time
     if it has one, gives sigma_max(w_P S_p) = mu at `omega`, and the loop closed by `performance`
-    is on the verge of instability there. `upper_bound` is mu's at the same frequency; `mus` (k,)
-    is the lower bound at each frequency asked for.
+    is on the verge of instability there. `upper_bound` is mu's at the same frequency, and `gap`
+    the relative distance of the two.
     """
 
     omega: float
     mu: float
     upper_bound: float
+    gap: float
     uncertainty: DiagonalPerturbation | RankOnePerturbation
     performance: RankOnePerturbation
-    mus: NDArray[np.float64]
-
-    @property
-    def gap(self) -> float:
-        """Relative distance between the bounds at `omega`."""
-        return 1 - self.mu / self.upper_bound
 
     @property
     def warning(self) -> str | None:
@@ -139,40 +135,76 @@ def worst_case(
         D-scales of the upper bound, performance scaled to one.
 
     """
+    attained = _attained(blocks, controllers, uncertainty, performance, omega, scales)
+    worst = int(np.argmax(attained.bound.mu))
+    at, mu = float(omega[worst]), float(attained.bound.mu[worst])
+    upper = float(
+        bound_of_scales(attained.N[[worst]], attained.d[[worst]], attained.structure).mu[0]
+    )
+    Delta = attained.bound.Delta[worst] / mu
+    units, size = attained.units, len(attained.units)
+    return WorstCase(
+        omega=at,
+        mu=mu,
+        upper_bound=upper,
+        gap=max(1 - mu / upper, 0.0),
+        uncertainty=_rank_one(units, Delta[:size, :size], at)
+        if uncertainty.structure is Structure.FULL
+        else _diagonal(units, np.diag(Delta)[:size], at, _rational(uncertainty.weight)),
+        performance=_rank_one(units, Delta[size:, size:], at),
+    )
+
+
+def lower_bounds(
+    blocks: LoopBlocks,
+    controllers: Sequence[Controller],
+    uncertainty: Uncertainty,
+    performance: Performance,
+    *,
+    omega: NDArray[np.float64],
+    scales: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Lower bound of mu of robust performance at each frequency (k,); see `worst_case`."""
+    return _attained(blocks, controllers, uncertainty, performance, omega, scales).bound.mu
+
+
+@dataclass(frozen=True)
+class _Attained:
+    """N (k, 2r, 2r) of the split loop, the units of its r channels, and its bounds."""
+
+    units: list[tuple[int, ...]]
+    N: NDArray[np.complex128]
+    structure: BlockStructure
+    d: NDArray[np.float64]
+    bound: LowerBound
+
+
+def _attained(  # noqa: PLR0917 - as its two callers have them
+    blocks: LoopBlocks,
+    controllers: Sequence[Controller],
+    uncertainty: Uncertainty,
+    performance: Performance,
+    omega: NDArray[np.float64],
+    scales: NDArray[np.float64],
+) -> _Attained:
     full = uncertainty.structure is Structure.FULL
     parts = [(part, group) for group, units in enumerate(blocks.groups) for part in _split(units)]
     split = reduce(blocks.plant, [part for part, _ in parts], uncertainty.structure)
     # Part and group of each channel: of a matrix plant they stand in the order of the units.
     channels = [parts[channel] for channel in split.blocks[0].channels]
     size = len(channels)
-    # Only |w_I| is given, so its dead time may be left out; 1 + w_I delta is then rational.
-    weight = TransferFunction(uncertainty.weight.num, uncertainty.weight.den)
     N = interconnection(
         split.response(omega)[0],
         np.stack([controllers[group].response(omega) for _, group in channels], axis=1),
-        weight.response(omega),
+        _rational(uncertainty.weight).response(omega),
         performance.weight.response(omega),
     )
     # A parallel plant has one scale a group, a matrix plant one a unit, a full block one in all.
     parallel = isinstance(blocks.plant, ParallelPlant)
     owner = [0] if full else [group if parallel else part[0] for part, group in channels]
     structure = BlockStructure((0,) * size if full else tuple(range(size)), size)
-    D = scales[:, owner]
-    bound = lower_bound(N, structure, D)
-    worst = int(np.argmax(bound.mu))
-    at, mu = float(omega[worst]), float(bound.mu[worst])
-    Delta = bound.Delta[worst] / mu
-    units = [part for part, _ in channels]
-    return WorstCase(
-        omega=at,
-        mu=mu,
-        upper_bound=float(bound_of_scales(N[[worst]], D[[worst]], structure).mu[0]),
-        uncertainty=_rank_one(units, Delta[:size, :size], at)
-        if full
-        else _diagonal(units, np.diag(Delta)[:size], at, weight),
-        performance=_rank_one(units, Delta[size:, size:], at),
-        mus=bound.mu,
-    )
+    d = scales[:, owner]
+    return _Attained([part for part, _ in channels], N, structure, d, lower_bound(N, structure, d))
 
 
 def all_pass(value: complex, omega: float) -> TransferFunction:
@@ -227,6 +259,11 @@ def interconnection(
     left = np.concatenate([-w_I[:, None, None] * CS, w_P[:, None, None] * S], axis=1)
     product: NDArray[np.complex128] = left @ right
     return product
+
+
+def _rational(weight: TransferFunction) -> TransferFunction:
+    """Return a weight of the same magnitude; 1 + w_I delta is then rational."""
+    return TransferFunction(weight.num, weight.den)
 
 
 def _split(units: tuple[int, ...]) -> list[tuple[int, ...]]:

@@ -16,6 +16,7 @@ from solver.mu.worst_case import (
     RankOnePerturbation,
     WorstCase,
     all_pass,
+    lower_bounds,
     worst_case,
 )
 from solver.plants import MatrixPlant, Plant, first_order
@@ -46,6 +47,7 @@ def matrix_plant(n: int) -> MatrixPlant:
     )
 
 
+OMEGA = np.geomspace(1e-4, 1e3, 50)
 CASES = {
     "published": (first_order(2, 1, 100, 0.949), (FAST, SLOW), DIAGONAL, 19),
     "identical": (first_order(2, 1, 100, 0.949), (EQUAL,) * 2, DIAGONAL, 26),
@@ -74,18 +76,37 @@ CASES = {
 EXACT = set(CASES) - {"dead time", "matrix"}  # three blocks, or at most two groups
 
 
-def analysed(
+def loop_of(
     plant: Plant, loops: tuple[Controller, ...], uncertainty: Uncertainty, tau_p: float
-) -> tuple[WorstCase, NDArray[np.float64], NDArray[np.float64]]:
-    """Worst case, and frequencies with the upper bound there."""
-    performance = Performance(tau_p=tau_p)
+) -> LoopAnalysis:
+    """The analysis of a case."""
     blocks, controllers = group_loops(plant, loops, uncertainty.structure)
-    analysis = LoopAnalysis(blocks, controllers, uncertainty, performance)
-    omega = np.geomspace(1e-4, 1e3, 50)
-    case = worst_case(
-        blocks, controllers, uncertainty, performance, omega=omega, scales=analysis.scales(omega)
+    return LoopAnalysis(blocks, controllers, uncertainty, Performance(tau_p=tau_p))
+
+
+def bounds(analysis: LoopAnalysis) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Lower and upper bounds over frequency."""
+    lower = lower_bounds(
+        analysis.blocks,
+        analysis.controllers,
+        analysis.uncertainty,
+        analysis.performance,
+        omega=OMEGA,
+        scales=analysis.scales(OMEGA),
     )
-    return case, omega, analysis.robust_performance(omega)
+    return lower, analysis.robust_performance(OMEGA)
+
+
+def worst(analysis: LoopAnalysis, omega: NDArray[np.float64] = OMEGA) -> WorstCase:
+    """The worst case over `omega`."""
+    return worst_case(
+        analysis.blocks,
+        analysis.controllers,
+        analysis.uncertainty,
+        analysis.performance,
+        omega=omega,
+        scales=analysis.scales(omega),
+    )
 
 
 def by_unit(entries: tuple[Entry, ...], n: int, omega: float) -> NDArray[np.complex128]:
@@ -111,12 +132,14 @@ def outer(perturbation: RankOnePerturbation, n: int, omega: float) -> NDArray[np
 @pytest.mark.parametrize("name", CASES)
 def test_never_above_the_upper_bound_and_exact_where_promised(name: str) -> None:
     """The bounds meet to 1e-6 at every frequency for n = 2 and for one or two groups."""
-    case, _, upper = analysed(*CASES[name])
-    assert np.all(case.mus <= upper * (1 + 1e-9))
-    assert case.mu == np.max(case.mus)
+    analysis = loop_of(*CASES[name])
+    lower, upper = bounds(analysis)
+    assert np.all(lower <= upper * (1 + 1e-9))
     if name in EXACT:
-        assert case.mus == pytest.approx(upper, rel=1e-6)
-        assert case.gap < 1e-6
+        assert lower == pytest.approx(upper, rel=1e-6)
+    case = worst(analysis)
+    assert case.mu == pytest.approx(np.max(lower), rel=1e-12)
+    assert case.gap == pytest.approx(1 - case.mu / case.upper_bound, abs=1e-12)
     assert case.warning is None
 
 
@@ -124,7 +147,7 @@ def test_never_above_the_upper_bound_and_exact_where_promised(name: str) -> None
 def test_the_perturbed_plant_performs_as_stated(name: str) -> None:
     """In the full plant, the stable perturbation of size 1/mu takes w_P S to mu."""
     plant, loops, uncertainty, tau_p = CASES[name]
-    case, _, _ = analysed(plant, loops, uncertainty, tau_p)
+    case = worst(loop_of(*CASES[name]))
     n, s = plant.n, 1j * case.omega
     G = plant.response([case.omega])[0]
     C = np.diag([loop(s) for loop in loops])
@@ -141,8 +164,10 @@ def test_the_perturbed_plant_performs_as_stated(name: str) -> None:
 def test_a_thousand_units_in_two_groups_are_exact() -> None:
     """The perturbation takes few values and attains mu of all 1000 inputs."""
     loops = (Controller(1, 65.1),) * 301 + (Controller(2, 20),) * 699
-    case, _, upper = analysed(first_order(1000, 1, 100, 0.06), loops, DIAGONAL, 26)
-    assert case.mus == pytest.approx(upper, rel=1e-6)
+    analysis = loop_of(first_order(1000, 1, 100, 0.06), loops, DIAGONAL, 26)
+    lower, upper = bounds(analysis)
+    assert lower == pytest.approx(upper, rel=1e-6)
+    case = worst(analysis)
     assert isinstance(case.uncertainty, DiagonalPerturbation)
     assert len(case.uncertainty.entries) <= 6
     units = sorted(unit for entry in case.uncertainty.entries for unit in entry.units)
@@ -151,19 +176,8 @@ def test_a_thousand_units_in_two_groups_are_exact() -> None:
 
 def test_symmetric_settings_may_have_an_asymmetric_worst_case() -> None:
     """Two identical loops: where sum and difference are both active, the inputs err apart."""
-    plant, loops, uncertainty, tau_p = CASES["identical"]
-    performance = Performance(tau_p=tau_p)
-    blocks, controllers = group_loops(plant, loops)
-    analysis = LoopAnalysis(blocks, controllers, uncertainty, performance)
-    omega = np.array([0.1])
-    case = worst_case(
-        blocks,
-        controllers,
-        uncertainty,
-        performance,
-        omega=omega,
-        scales=analysis.scales(omega),
-    )
+    analysis, omega = loop_of(*CASES["identical"]), np.array([0.1])
+    case = worst(analysis, omega)
     assert isinstance(case.uncertainty, DiagonalPerturbation)
     first, second = (entry.value for entry in case.uncertainty.entries)
     assert abs(first - second) > 1
@@ -172,12 +186,7 @@ def test_symmetric_settings_may_have_an_asymmetric_worst_case() -> None:
 
 def test_published_peak() -> None:
     """SLH's settings at tau_P = 19: mu is 1.00034840 at 0.0314362, from below as from above."""
-    plant, loops, uncertainty, tau_p = CASES["published"]
-    performance = Performance(tau_p=tau_p)
-    blocks, controllers = group_loops(plant, loops)
-    omega = np.array([0.031436181846])
-    scales = LoopAnalysis(blocks, controllers, uncertainty, performance).scales(omega)
-    case = worst_case(blocks, controllers, uncertainty, performance, omega=omega, scales=scales)
+    case = worst(loop_of(*CASES["published"]), np.array([0.031436181846]))
     assert case.mu == pytest.approx(1.0003484015698523, rel=1e-9)
 
 
@@ -185,7 +194,7 @@ def test_actuators_are_what_multiplies_the_inputs() -> None:
     """An actuator is 1 + w_I delta, stable, and w_I's dead time is left out."""
     late = TransferFunction(DIAGONAL.weight.num, DIAGONAL.weight.den, dead_time=3)
     plant, loops, _, tau_p = CASES["published"]
-    case, _, _ = analysed(plant, loops, Uncertainty(late), tau_p)
+    case = worst(loop_of(plant, loops, Uncertainty(late), tau_p))
     assert isinstance(case.uncertainty, DiagonalPerturbation)
     for entry, actuator in zip(case.uncertainty.entries, case.uncertainty.actuators, strict=True):
         assert actuator is not None
@@ -201,7 +210,7 @@ def test_actuators_of_too_high_an_order_are_left_out() -> None:
     """A weight of the highest order leaves no room for the all-pass factor."""
     num, den = np.poly([-1.0] * 20) * 0.2, np.poly([-1.0] * 20)
     plant, loops, _, tau_p = CASES["published"]
-    case, _, _ = analysed(plant, loops, Uncertainty(TransferFunction(num, den)), tau_p)
+    case = worst(loop_of(plant, loops, Uncertainty(TransferFunction(num, den)), tau_p))
     assert isinstance(case.uncertainty, DiagonalPerturbation)
     assert None in case.uncertainty.actuators
 
@@ -232,8 +241,8 @@ def test_all_pass_at_the_axes(value: complex) -> None:
 
 def test_disagreeing_bounds_are_reported() -> None:
     """Above 5 per cent the user is told both bounds and the frequency."""
-    case, _, _ = analysed(*CASES["published"])
-    apart = WorstCase(0.1, 0.9, 1.0, case.uncertainty, case.performance, case.mus)
+    case = worst(loop_of(*CASES["published"]))
+    apart = WorstCase(0.1, 0.9, 1.0, 0.1, case.uncertainty, case.performance)
     assert apart.warning is not None
     assert "10.0 %" in apart.warning
     assert "0.1" in apart.warning
