@@ -28,7 +28,19 @@ from service.jobs.watch import Watcher
 from service.keys import KeyFile
 from service.metrics import Metrics
 from service.middleware import Compressed, Observed, SecurityHeaders
-from service.routes import batches, controller_forms, examples, health, page, robustness, tunings
+from service.routes import (
+    batches,
+    controller_forms,
+    decouplings,
+    examples,
+    figures,
+    health,
+    interaction,
+    page,
+    parallel_drives,
+    robustness,
+    tunings,
+)
 from service.routes.common import problems
 from service.settings import Settings
 
@@ -48,7 +60,16 @@ _TAGS = [
 ]
 
 # Resources that need an API key, where the service has keys, and those that never do.
-_FOR_CALLERS = (tunings, batches, robustness, controller_forms)
+_FOR_CALLERS = (
+    tunings,
+    batches,
+    robustness,
+    controller_forms,
+    interaction,
+    decouplings,
+    parallel_drives,
+    figures,
+)
 _FOR_EVERYBODY = (examples, health, page)
 
 

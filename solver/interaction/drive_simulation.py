@@ -23,7 +23,14 @@ if TYPE_CHECKING:
 
     from solver.interaction.parallel_drives import DriveModel, ParallelDrives
 
-__all__ = ["DriveResponse", "DriveScenario", "DriveSimulation", "simulate_drives"]
+__all__ = [
+    "MAX_POINTS",
+    "DriveExperiment",
+    "DriveResponse",
+    "DriveScenario",
+    "DriveSimulation",
+    "simulate_drives",
+]
 
 MAX_POINTS = 10_000
 _BOUND = 1e9  # a response beyond it is cut off: the loop is unstable
@@ -40,7 +47,9 @@ class DriveScenario:
     load_time : float
         When the load comes.
     pulse : float
-        Height of the measurement error of unit `pulse_unit` (from 0).
+        Height of the measurement error.
+    pulse_unit : int or None
+        Unit that it hits, from 0; None: the second one, or the only one.
     pulse_time, pulse_duration : float
         When it begins, how long it lasts; after the load.
     end : float
@@ -54,7 +63,7 @@ class DriveScenario:
     load: float = 1.0
     load_time: float = 10.0
     pulse: float = 1.0
-    pulse_unit: int = 1
+    pulse_unit: int | None = None
     pulse_time: float = 20.0
     pulse_duration: float = 1.0
     end: float = 40.0
@@ -74,6 +83,26 @@ class DriveScenario:
         if not 10 <= self.points <= MAX_POINTS:
             message = f"the number of points must lie in 10..{MAX_POINTS}"
             raise InvalidInputError(message, "/points")
+
+
+@dataclass(frozen=True)
+class DriveExperiment:
+    """Units and what happens to them."""
+
+    system: ParallelDrives
+    scenario: DriveScenario = DriveScenario()
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.pulse_unit < len(self.system.drives):
+            message = f"the units are 0 to {len(self.system.drives) - 1}"
+            raise InvalidInputError(message, "/scenario/pulse_unit")
+
+    @property
+    def pulse_unit(self) -> int:
+        """Unit whose measurement errs, from 0."""
+        if self.scenario.pulse_unit is None:
+            return min(1, len(self.system.drives) - 1)
+        return self.scenario.pulse_unit
 
 
 @dataclass(frozen=True)
@@ -116,35 +145,24 @@ class DriveSimulation:
     mended: DriveResponse | None
 
 
-def simulate_drives(
-    system: ParallelDrives, scenario: DriveScenario | None = None
-) -> DriveSimulation:
+def simulate_drives(experiment: DriveExperiment) -> DriveSimulation:
     """Simulate the units before and after the remedy.
 
     Parameters
     ----------
-    system : ParallelDrives
-        Units and load.
-    scenario : DriveScenario or None
-        None: the default one.
-
-    Raises
-    ------
-    InvalidInputError
-        The scenario disturbs a unit that does not exist.
+    experiment : DriveExperiment
+        Units, load and events.
 
     """
-    scenario = scenario or DriveScenario(pulse_unit=min(1, len(system.drives) - 1))
-    if not 0 <= scenario.pulse_unit < len(system.drives):
-        message = f"the units are 0 to {len(system.drives) - 1}"
-        raise InvalidInputError(message, "/pulse_unit")
+    system = experiment.system
     mended = None
     if system.integrating:
-        mended = _simulate(mended_model(system), scenario)
-    return DriveSimulation(_simulate(original_model(system), scenario), mended)
+        mended = _simulate(mended_model(system), experiment)
+    return DriveSimulation(_simulate(original_model(system), experiment), mended)
 
 
-def _simulate(model: DriveModel, scenario: DriveScenario) -> DriveResponse:
+def _simulate(model: DriveModel, experiment: DriveExperiment) -> DriveResponse:
+    scenario, disturbed = experiment.scenario, 2 + experiment.pulse_unit
     states, inputs = len(model.A), model.B.shape[1]
     edges = (
         0.0,
@@ -161,7 +179,7 @@ def _simulate(model: DriveModel, scenario: DriveScenario) -> DriveResponse:
         v = np.zeros(inputs)
         v[0] = scenario.set_point
         v[1] = scenario.load if start >= scenario.load_time else 0.0
-        v[2 + scenario.pulse_unit] = scenario.pulse if start == scenario.pulse_time else 0.0
+        v[disturbed] = scenario.pulse if start == scenario.pulse_time else 0.0
         steps = max(math.ceil(scenario.points * (end - start) / scenario.end), 2)
         block = np.zeros((states + inputs, states + inputs))
         block[:states] = np.hstack([model.A, model.B]) * ((end - start) / steps)
@@ -182,7 +200,7 @@ def _simulate(model: DriveModel, scenario: DriveScenario) -> DriveResponse:
         time=np.array([piece[0] for piece in pieces]),
         set_point=v[:, 0],
         load=v[:, 1],
-        measurement_error=v[:, 2 + scenario.pulse_unit],
+        measurement_error=v[:, disturbed],
         output=y[:, 0],
         efforts=y[:, 1:],
         bounded=bounded,

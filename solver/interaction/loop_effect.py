@@ -24,16 +24,26 @@ from solver.interaction.rational_matrix import (
     least_common_multiple,
     roots_of,
 )
+from solver.transfer_function import LARGEST
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from numpy.typing import NDArray
 
     from solver.controllers import Controller
     from solver.plants import Plant
+    from solver.transfer_function import TransferFunction
 
-__all__ = ["GainInterval", "LoopEffect", "StaticEffect", "loop_effect", "static_effects"]
+__all__ = [
+    "MAX_GAINS",
+    "GainInterval",
+    "LoopEffect",
+    "LoopEffectQuery",
+    "StaticEffect",
+    "loop_effect",
+    "static_effects",
+]
+
+MAX_GAINS = 100
 
 
 @dataclass(frozen=True)
@@ -121,13 +131,56 @@ def static_effects(gain: NDArray[np.float64]) -> tuple[StaticEffect, ...]:
     return tuple(effects)
 
 
-def loop_effect(
-    plant: Plant,
-    loop: int,
-    other: int,
-    gains: Sequence[float],
-    controller: Controller | None = None,
-) -> LoopEffect:
+@dataclass(frozen=True)
+class LoopEffectQuery:
+    """Asks what a proportional gain in one loop does to another loop.
+
+    Parameters
+    ----------
+    plant : Plant
+        The elements between the two loops are rational.
+    loop, other : int
+        Two different loops, from 0.
+    gains : sequence of float
+        Gains k of loop `other` at which to report, 1 to `MAX_GAINS`.
+    controller : Controller or None
+        Of loop `loop`; None leaves it open.
+
+    """
+
+    plant: Plant
+    loop: int
+    other: int
+    gains: tuple[float, ...]
+    controller: Controller | None = None
+
+    def __post_init__(self) -> None:
+        for name, index in (("loop", self.loop), ("other", self.other)):
+            if not 0 <= index < self.plant.n:
+                message = f"the plant has the loops 0 to {self.plant.n - 1}"
+                raise InvalidInputError(message, f"/{name}")
+        if self.loop == self.other:
+            message = "the other loop must differ from the loop"
+            raise InvalidInputError(message, "/other")
+        if not 1 <= len(self.gains) <= MAX_GAINS:
+            message = f"the number of gains must lie in 1..{MAX_GAINS}"
+            raise InvalidInputError(message, "/gains")
+        for index, gain in enumerate(self.gains):
+            if not abs(gain) <= LARGEST:
+                message = f"a gain must be finite and at most {LARGEST:g} in magnitude"
+                raise InvalidInputError(message, f"/gains/{index}")
+        if any(element.dead_time and not element.is_zero for element in self.elements.values()):
+            message = "the effect of a loop's gain is computed for plants without dead time only"
+            raise UnsupportedPlantError(message)
+
+    @property
+    def elements(self) -> dict[tuple[int, int], TransferFunction]:
+        """The elements between the two loops, by output and input."""
+        pair = (self.loop, self.other)
+        return {(r, c): self.plant.element(r, c) for r in pair for c in pair}
+
+
+def loop_effect(query: LoopEffectQuery) -> LoopEffect:
     """Return the effect of loop `other`, under proportional control, on loop `loop`.
 
     The characteristic polynomial is A(s) + k B(s); the gains at which roots cross the imaginary
@@ -136,38 +189,16 @@ def loop_effect(
 
     Parameters
     ----------
-    plant : Plant
-        Rational.
-    loop, other : int
-        Two different loops, from 0.
-    gains : sequence of float
-        Gains k at which to report.
-    controller : Controller or None
-        Of loop `loop`; None leaves it open.
-
-    Raises
-    ------
-    UnsupportedPlantError
-        An element that matters has dead time: the closed loop has infinitely many poles.
-    InvalidInputError
-        A loop that does not exist, or the same one twice.
+    query : LoopEffectQuery
+        The plant, the two loops and the gains.
 
     """
-    for name, index in (("loop", loop), ("other", other)):
-        if not 0 <= index < plant.n:
-            message = f"the plant has the loops 0 to {plant.n - 1}"
-            raise InvalidInputError(message, f"/{name}")
-    if loop == other:
-        message = "the other loop must differ from the loop"
-        raise InvalidInputError(message, "/other")
-    elements = {(r, c): plant.element(r, c) for r in (loop, other) for c in (loop, other)}
-    if any(element.dead_time and not element.is_zero for element in elements.values()):
-        message = "the effect of a loop's gain is computed for plants without dead time only"
-        raise UnsupportedPlantError(message, "/plant")
+    loop, other, gains = query.loop, query.other, query.gains
+    elements = query.elements
     p = {key: Rational.from_transfer_function(element) for key, element in elements.items()}
     own, far = p[loop, loop], p[other, other]
     determinant = own * far + (p[loop, other] * p[other, loop]).scaled(-1)
-    c = _rational(controller)
+    c = _rational(query.controller)
     one = Rational(fmpq_poly([1]), fmpq_poly([1]))
     # (1 + k p_jj)(1 + c g_cl) = 1 + c p_ii + k (p_jj + c (p_ii p_jj - p_ij p_ji)), times the
     # pole polynomials of plant and controller so that no hidden mode is lost.
@@ -175,7 +206,7 @@ def loop_effect(
     A = _cleared(one + c * own, poles)
     B = _cleared(far + c * determinant, poles)
     closed = [_closed_poles(A, B, decimal(k)) for k in gains]
-    sign = -1 if plant.element(other, other).static_gain < 0 else 1
+    sign = -1 if elements[other, other].static_gain < 0 else 1
     return LoopEffect(
         loop=loop,
         other=other,

@@ -7,10 +7,26 @@ import pytest
 
 from solver.controllers import Controller
 from solver.errors import InvalidInputError, UnsupportedPlantError
-from solver.interaction.loop_effect import loop_effect, static_effects
+from solver.interaction.loop_effect import (
+    MAX_GAINS,
+    LoopEffect,
+    LoopEffectQuery,
+    loop_effect,
+    static_effects,
+)
 from solver.interaction.relative_gain import relative_gain_array
-from solver.plants import MatrixPlant, first_order
+from solver.plants import MatrixPlant, ParallelPlant, first_order
 from solver.transfer_function import TransferFunction
+
+
+def _effect(
+    plant: MatrixPlant | ParallelPlant,
+    loop: int,
+    other: int,
+    gains: list[float],
+    controller: Controller | None = None,
+) -> LoopEffect:
+    return loop_effect(LoopEffectQuery(plant, loop, other, tuple(gains), controller))
 
 
 def _second_order(gain: float) -> TransferFunction:
@@ -25,7 +41,7 @@ PI = Controller(gain=1.0, integral_time=1.0)
 def test_example_11_1_static_gain() -> None:
     """Astrom and Hagglund, Example 11.1: g_cl(0) = (1 - k2)/(1 + k2)."""
     gains = [0.0, 0.5, 0.8, 1.0, 1.6, 10.0]
-    effect = loop_effect(EXAMPLE, 0, 1, gains)
+    effect = _effect(EXAMPLE, 0, 1, gains)
     expected = [(1 - k) / (1 + k) for k in gains]
     np.testing.assert_allclose(effect.static_gains, expected, atol=1e-15)
     (first, _) = static_effects(EXAMPLE.static_gain())
@@ -35,7 +51,7 @@ def test_example_11_1_static_gain() -> None:
 
 def test_example_11_1_stability() -> None:
     """The book calls k2 = 0.8 unstable; it is stable (slowest pole -0.0565), k2 > 1 is not."""
-    effect = loop_effect(EXAMPLE, 0, 1, [0.0, 0.8, 1.6], PI)
+    effect = _effect(EXAMPLE, 0, 1, [0.0, 0.8, 1.6], PI)
     assert effect.stable == (True, True, False)
     assert np.max(effect.poles[1].real) == pytest.approx(-0.0565, abs=5e-5)
     (interval,) = effect.stable_gains
@@ -46,7 +62,7 @@ def test_example_11_1_stability() -> None:
 def test_example_11_1_characteristic_polynomial() -> None:
     """S (s+1)^2 (s^2+2s+1+k2) + (s+1)(s^2+2s+1-k2): the printed g_cl under k1 = ki = 1."""
     for k in (0.3, 0.8, 1.6):
-        effect = loop_effect(EXAMPLE, 0, 1, [k], PI)
+        effect = _effect(EXAMPLE, 0, 1, [k], PI)
         square = [1, 2, 1]
         expected = np.polyadd(
             np.polymul([1, 0], np.polymul(square, [1, 2, 1 + k])),
@@ -58,7 +74,7 @@ def test_example_11_1_characteristic_polynomial() -> None:
 def test_example_11_2_stays_stable() -> None:
     """Example 11.2, inputs exchanged: gain (2 + k2)/(1 + k2), stable for every k2."""
     gains = [0.0, 0.8, 1.6, 1e6]
-    effect = loop_effect(SWAPPED, 0, 1, gains, PI)
+    effect = _effect(SWAPPED, 0, 1, gains, PI)
     np.testing.assert_allclose(effect.static_gains, [(2 + k) / (1 + k) for k in gains])
     assert all(effect.stable)
     assert [(i.low, i.high) for i in effect.stable_gains] == [(0, math.inf)]
@@ -67,7 +83,7 @@ def test_example_11_2_stays_stable() -> None:
 
 def test_open_loop_has_the_poles_of_the_other_loop() -> None:
     """Loop 1 open: poles of the plant and of loop 2 alone, (s+1)^2 + k = 0."""
-    effect = loop_effect(EXAMPLE, 0, 1, [3.0])
+    effect = _effect(EXAMPLE, 0, 1, [3.0])
     closed = [-1 + 1j * math.sqrt(3), -1 - 1j * math.sqrt(3)]
     assert effect.poles[0].size == 4
     for pole in closed:
@@ -79,7 +95,7 @@ def test_processes_of_negative_gain_take_negative_gains() -> None:
     turned = MatrixPlant(
         [[_second_order(1), _second_order(-2)], [_second_order(1), _second_order(-1)]]
     )
-    (interval,) = loop_effect(turned, 0, 1, [-0.8], PI).stable_gains
+    (interval,) = _effect(turned, 0, 1, [-0.8], PI).stable_gains
     assert (interval.low, interval.high) == (pytest.approx(-1), 0)
     assert static_effects(turned.static_gain())[0].reversal_gain == pytest.approx(-1)
 
@@ -93,7 +109,7 @@ def test_rosenbrock_zero_limits_the_gain() -> None:
         ]
     )
     limits = [
-        loop_effect(plant, 1, 0, [1.0], Controller(k, 1.0)).stable_gains[0].high
+        _effect(plant, 1, 0, [1.0], Controller(k, 1.0)).stable_gains[0].high
         for k in (1.0, 10.0, 100.0)
     ]
     assert limits == sorted(limits, reverse=True)
@@ -107,14 +123,14 @@ def test_stability_agrees_with_the_poles_on_both_sides_of_each_limit() -> None:
     p = TransferFunction([4, 4.8, 1.6], [1, 0, 0, 0])
     small = TransferFunction([0.1], [1, 1])
     plant = MatrixPlant([[TransferFunction([1], [1, 1]), small], [small, p]])
-    effect = loop_effect(plant, 0, 1, [1.0], Controller(1.0, 2.0))
+    effect = _effect(plant, 0, 1, [1.0], Controller(1.0, 2.0))
     assert effect.stable_gains
     for interval in effect.stable_gains:
         for edge in (interval.low, interval.high):
             if 0 < edge < math.inf:
                 inside = edge * (1 + 1e-6) if edge == interval.low else edge * (1 - 1e-6)
                 outside = edge * (1 - 1e-6) if edge == interval.low else edge * (1 + 1e-6)
-                check = loop_effect(plant, 0, 1, [inside, outside], Controller(1.0, 2.0))
+                check = _effect(plant, 0, 1, [inside, outside], Controller(1.0, 2.0))
                 assert check.stable == (True, False)
 
 
@@ -124,7 +140,7 @@ def test_derivative_action_and_integrating_processes() -> None:
     lag = TransferFunction([1], [1, 1])
     none = TransferFunction([0], [1])
     plant = MatrixPlant([[integrator, lag], [none, lag]])
-    effect = loop_effect(plant, 0, 1, [1.0], Controller(1.0, 5.0, 0.5))
+    effect = _effect(plant, 0, 1, [1.0], Controller(1.0, 5.0, 0.5))
     assert effect.static_gains[0] == math.inf
     assert effect.stable == (True,)
     assert effect.poles[0].size == 4  # integrator, shared lag, integral action, filter
@@ -132,10 +148,10 @@ def test_derivative_action_and_integrating_processes() -> None:
 
 def test_gain_that_cancels_the_other_loop_has_no_static_gain() -> None:
     """1 + k p_jj(0) = 0: the static gain is not finite."""
-    effect = loop_effect(EXAMPLE, 0, 1, [-1.0])
+    effect = _effect(EXAMPLE, 0, 1, [-1.0])
     assert not np.isfinite(effect.static_gains[0])
     static = MatrixPlant([[TransferFunction([g], [1]) for g in row] for row in ((1, 2), (1, 1))])
-    assert math.isnan(loop_effect(static, 0, 1, [-1.0]).static_gains[0])
+    assert math.isnan(_effect(static, 0, 1, [-1.0]).static_gains[0])
 
 
 def test_closed_gain_is_open_gain_over_relative_gain() -> None:
@@ -153,11 +169,21 @@ def test_closed_gain_is_open_gain_over_relative_gain() -> None:
 def test_loops_that_do_not_exist_are_refused(loop: int, other: int, field: str) -> None:
     """Indices outside the plant and equal indices name the field."""
     with pytest.raises(InvalidInputError) as caught:
-        loop_effect(EXAMPLE, loop, other, [1.0])
+        _effect(EXAMPLE, loop, other, [1.0])
+    assert caught.value.field == field
+
+
+@pytest.mark.parametrize(
+    ("gains", "field"), [([], "/gains"), ([0.0] * (MAX_GAINS + 1), "/gains"), ([1e13], "/gains/0")]
+)
+def test_gains_out_of_range_are_refused(gains: list[float], field: str) -> None:
+    """None, too many, too large."""
+    with pytest.raises(InvalidInputError) as caught:
+        _effect(EXAMPLE, 0, 1, gains)
     assert caught.value.field == field
 
 
 def test_dead_time_is_refused() -> None:
     """Infinitely many poles are not computed."""
     with pytest.raises(UnsupportedPlantError, match="dead time"):
-        loop_effect(first_order(2, 1, 10, 0.5, 1), 0, 1, [1.0])
+        _effect(first_order(2, 1, 10, 0.5, 1), 0, 1, [1.0])

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from solver.errors import InvalidInputError, UnsupportedPlantError
-from solver.interaction.drive_simulation import DriveScenario, simulate_drives
+from solver.interaction.drive_simulation import DriveExperiment, DriveScenario, simulate_drives
 from solver.interaction.parallel_drives import (
     Drive,
     ParallelDrives,
@@ -74,7 +74,7 @@ def test_proportional_control_shares_the_load_as_the_gains() -> None:
     analysis = analyse_drives(system)
     assert analysis.remedy is None
     np.testing.assert_allclose(analysis.poles, [-(DAMPING + K1 + K2) / J])
-    simulation = simulate_drives(system)
+    simulation = simulate_drives(DriveExperiment(system))
     assert simulation.mended is None
     response = simulation.original
     total = DAMPING + K1 + K2
@@ -88,7 +88,7 @@ def test_proportional_control_shares_the_load_as_the_gains() -> None:
 def test_two_motor_drift_and_its_cure() -> None:
     """Figures 11.10 and 11.13: a pulse of area 3 leaves M1 - M2 = K_I 3; cured, M1 = M2."""
     scenario = DriveScenario(pulse=3.0, pulse_duration=1.0, end=80.0)
-    simulation = simulate_drives(TWO_MOTORS, scenario)
+    simulation = simulate_drives(DriveExperiment(TWO_MOTORS, scenario))
     before, after = simulation.original, simulation.mended
     assert after is not None
     np.testing.assert_allclose(before.shares_before_pulse, [0.5, 0.5], atol=1e-6)
@@ -110,7 +110,7 @@ def test_chosen_shares_are_kept() -> None:
     """After all disturbances each unit carries the share asked for."""
     shares = (0.2, 0.5, 0.3)
     system = ParallelDrives(SHAFT, [PI, Drive(0.5, 0.2), Drive(0.0, 1.0)], shares)
-    simulation = simulate_drives(system, DriveScenario(end=100.0))
+    simulation = simulate_drives(DriveExperiment(system, DriveScenario(end=100.0)))
     assert simulation.mended is not None
     np.testing.assert_allclose(simulation.mended.shares_at_end, shares, atol=1e-8)
     assert np.max(np.abs(simulation.original.shares_at_end - shares)) > 0.05
@@ -128,8 +128,8 @@ def test_response_agrees_with_numerical_integration() -> None:
     system = ParallelDrives(load, [PI, Drive(0.4, 0.3), Drive(0.2)], (0.5, 0.25, 0.25))
     scenario = DriveScenario(1.0, 0.5, 5.0, 0.7, 0, 9.0, 2.0, 15.0, 61)
     for model, response in (
-        (original_model(system), simulate_drives(system, scenario).original),
-        (mended_model(system), simulate_drives(system, scenario).mended),
+        (original_model(system), simulate_drives(DriveExperiment(system, scenario)).original),
+        (mended_model(system), simulate_drives(DriveExperiment(system, scenario)).mended),
     ):
         assert response is not None
         x, start = np.zeros(len(model.A)), 0.0
@@ -159,7 +159,7 @@ def test_unstable_loop_is_cut_off() -> None:
     load = TransferFunction([1], [1, 3, 3, 1])
     system = ParallelDrives(load, [Drive(100, 1), Drive(100, 1)])
     assert not analyse_drives(system).stable
-    response = simulate_drives(system, DriveScenario(end=100.0)).original
+    response = simulate_drives(DriveExperiment(system, DriveScenario(end=100.0))).original
     assert not response.bounded
     assert np.all(np.isfinite(response.output))
     assert np.all(np.isnan(response.shares_at_end))
@@ -169,7 +169,7 @@ def test_single_unit() -> None:
     """One unit: nothing to share; the pulse goes to it."""
     system = ParallelDrives(SHAFT, [PI])
     assert analyse_drives(system).unobservable_modes == 0
-    assert simulate_drives(system).original.bounded
+    assert simulate_drives(DriveExperiment(system)).original.bounded
 
 
 @pytest.mark.parametrize(
@@ -190,7 +190,10 @@ def test_single_unit() -> None:
         (lambda: DriveScenario(pulse_duration=0.0), "/pulse_duration"),
         (lambda: DriveScenario(end=20.5), "/end"),
         (lambda: DriveScenario(points=5), "/points"),
-        (lambda: simulate_drives(TWO_MOTORS, DriveScenario(pulse_unit=2)), "/pulse_unit"),
+        (
+            lambda: simulate_drives(DriveExperiment(TWO_MOTORS, DriveScenario(pulse_unit=2))),
+            "/scenario/pulse_unit",
+        ),
     ],
 )
 def test_bad_input_names_its_field(build: object, field: str) -> None:

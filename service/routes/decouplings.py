@@ -1,0 +1,35 @@
+"""Static decoupling of a plant."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fastapi import APIRouter, Request, Response
+
+from service.bodies import described_body
+from service.routes.common import BODY_PROBLEMS, analysis, described, problems
+from service.schemas.decouplings import DecouplingRequest, DecouplingResult, decoupling_to_json
+from solver.interaction.decoupling import decouple
+
+__all__ = ["compute", "router"]
+
+router = APIRouter(tags=["analyses"])
+
+
+@router.post(
+    "/v1/decouplings",
+    summary="Decouple a plant statically and design its loops",
+    responses={
+        200: described(DecouplingResult, "The decoupler and its loops."),
+        **problems(*BODY_PROBLEMS, 503),
+    },
+    openapi_extra=described_body(DecouplingRequest),
+)
+async def post_decoupling(request: Request) -> Response:
+    """Return a static decoupler, PI settings with the greatest integral gain, and responses."""
+    return await analysis(request, DecouplingRequest, compute)
+
+
+def compute(request: DecouplingRequest) -> dict[str, Any]:
+    """Return the decoupling of the request's plant as JSON values."""
+    return decoupling_to_json(decouple(request.build()))

@@ -1,0 +1,41 @@
+"""Units in parallel on one load."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fastapi import APIRouter, Request, Response
+
+from service.bodies import described_body
+from service.routes.common import BODY_PROBLEMS, analysis, described, problems
+from service.schemas.parallel_drives import (
+    ParallelDrivesRequest,
+    ParallelDrivesResult,
+    parallel_drives_to_json,
+)
+from solver.interaction.drive_simulation import simulate_drives
+from solver.interaction.parallel_drives import analyse_drives
+
+__all__ = ["compute", "router"]
+
+router = APIRouter(tags=["analyses"])
+
+
+@router.post(
+    "/v1/parallel-drives",
+    summary="Analyse units with integral action on one load",
+    responses={
+        200: described(ParallelDrivesResult, "Free modes, remedy and simulation."),
+        **problems(*BODY_PROBLEMS, 503),
+    },
+    openapi_extra=described_body(ParallelDrivesRequest),
+)
+async def post_parallel_drives(request: Request) -> Response:
+    """Return the integrator modes that are free, what mends them, and both in simulation."""
+    return await analysis(request, ParallelDrivesRequest, compute)
+
+
+def compute(request: ParallelDrivesRequest) -> dict[str, Any]:
+    """Return the analysis of the request's units as JSON values."""
+    experiment = request.build()
+    return parallel_drives_to_json(analyse_drives(experiment.system), simulate_drives(experiment))

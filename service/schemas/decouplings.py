@@ -1,0 +1,198 @@
+"""A decoupling request and its result as JSON."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, JsonValue
+
+from service.schemas.controller_forms import ParallelForm
+from service.schemas.drawn import Complex
+from service.schemas.encoding import encode
+from service.schemas.fields import RequestModel, below
+from service.schemas.frequencies import Frequencies, ascending
+from service.schemas.plants import Plant
+from service.schemas.robustness import Peak
+from solver.interaction.decoupling import Decoupling, DecouplingSpecification
+from solver.interaction.loop_shape import RobustnessLimits
+from solver.plants import MAX_MATRIX_SIZE
+
+__all__ = ["DecouplingRequest", "DecouplingResult", "decoupling_to_json"]
+
+_WOOD_BERRY: JsonValue = {
+    "kind": "matrix",
+    "elements": [
+        [
+            {"num": [12.8], "den": [16.7, 1.0], "dead_time": 1.0},
+            {"num": [-18.9], "den": [21.0, 1.0], "dead_time": 3.0},
+        ],
+        [
+            {"num": [6.6], "den": [10.9, 1.0], "dead_time": 7.0},
+            {"num": [-19.4], "den": [14.4, 1.0], "dead_time": 3.0},
+        ],
+    ],
+}
+_LIMITS: JsonValue = {"max_sensitivity": 1.6, "max_complementary": 1.6}
+EXAMPLE: dict[str, JsonValue] = {
+    "plant": _WOOD_BERRY,
+    "limits": _LIMITS,
+    "max_index": 1.0,
+    "set_point_weights": [0.0, 0.0],
+}
+
+PeakLimit = Annotated[float, Field(gt=1, le=1e3, json_schema_extra={"x-unit": "1"})]
+Weight = Annotated[float, Field(ge=0, le=1, json_schema_extra={"x-unit": "1"})]
+Index = Annotated[float, Field(gt=0, le=1e6, json_schema_extra={"x-unit": "1"})]
+Matrix = list[list[float | None]]
+Responses = list[list[list[Complex]]]
+
+
+class DesignLimits(RequestModel):
+    """Greatest peaks of the sensitivities of each loop."""
+
+    max_sensitivity: PeakLimit = Field(default=1.6, description="M_s, of |S|.", examples=[1.6])
+    max_complementary: PeakLimit = Field(default=1.6, description="M_t, of |T|.", examples=[1.6])
+
+    def build(self) -> RobustnessLimits:
+        """Return the solver's limits."""
+        return RobustnessLimits(self.max_sensitivity, self.max_complementary)
+
+
+class DecouplingRequest(RequestModel):
+    """Ask for a static decoupler and PI settings of the decoupled loops."""
+
+    plant: Plant = Field(
+        description="A stable process with a regular static gain, at most 10 loops.",
+        examples=[_WOOD_BERRY],
+    )
+    limits: DesignLimits = Field(
+        default=DesignLimits(), description="Robustness of each loop.", examples=[_LIMITS]
+    )
+    max_index: Index | None = Field(
+        default=None,
+        description="Interaction index that no loop may exceed; null: no detuning.",
+        examples=[None, 1.0],
+    )
+    set_point_weights: (
+        Annotated[tuple[Weight, ...], Field(min_length=1, max_length=MAX_MATRIX_SIZE)] | None
+    ) = Field(
+        default=None,
+        description="b, one a loop; null: 0, which disturbs the other loops least.",
+        examples=[None, [0.0, 0.0]],
+    )
+    omega: Frequencies | None = Field(
+        default=None,
+        description="Frequencies of the responses, ascending; null: chosen from the plant.",
+        examples=[None, [0.01, 0.1, 1.0]],
+    )
+
+    model_config = ConfigDict(json_schema_extra={"examples": [EXAMPLE]})
+
+    def build(self) -> DecouplingSpecification:
+        """Return the solver's specification.
+
+        Raises
+        ------
+        InvalidInputError
+            A value that the mathematics cannot accept, by pointer into this request.
+
+        """
+        with below("/plant"):
+            plant = self.plant.build()
+        with below("/limits"):
+            limits = self.limits.build()
+        return DecouplingSpecification(
+            plant, limits, self.max_index, self.set_point_weights, ascending(self.omega)
+        )
+
+
+class PIDesign(BaseModel):
+    """PI settings of a decoupled loop."""
+
+    status: Literal["optimal", "detuned", "unbounded"] = Field(
+        description="optimal: greatest integral gain. detuned: reduced to keep max_index. "
+        "unbounded: the model has no finite optimum; give max_index.",
+        examples=["optimal"],
+    )
+    gains: ParallelForm | None = Field(
+        description="The settings; null: unbounded.",
+        examples=[
+            {
+                "proportional_gain": 2.363,
+                "integral_gain": 1.537,
+                "derivative_gain": 0.0,
+                "filter_time": 0.0,
+            }
+        ],
+    )
+    sensitivity: Peak | None = Field(
+        description="Peak of |S|; a frequency of null is infinite.",
+        examples=[{"value": 1.6, "omega": 0.87}],
+    )
+    complementary: Peak | None = Field(
+        description="Peak of |T|.", examples=[{"value": 1.59, "omega": 0.34}]
+    )
+    greatest_integral_gain: float | None = Field(
+        description="The optimum without max_index; null: unbounded.", examples=[1.537]
+    )
+
+
+class ClosedLoop(BaseModel):
+    """The decoupled loops together."""
+
+    stable: bool = Field(
+        description="Whether they are stable with the interaction that remains.", examples=[True]
+    )
+    omega: list[float] = Field(
+        description="Frequencies, rad per time unit.", examples=[[0.01, 0.1]]
+    )
+    approximate: Responses = Field(
+        description="H, from set points to outputs without products of interactions.",
+        examples=[[[[{"re": 1.0, "im": 0.0}]]]],
+    )
+    exact: Responses = Field(
+        description="H-bar, from set points to outputs.", examples=[[[[{"re": 1.0, "im": 0.0}]]]]
+    )
+    approximate_peaks: Matrix = Field(
+        description="Peaks of |H| by output and set point.", examples=[[[1.0, 0.24], [3.3, 1.0]]]
+    )
+    exact_peaks: Matrix = Field(
+        description="Peaks of |H-bar| by output and set point.",
+        examples=[[[1.0, 0.43], [2.5, 1.0]]],
+    )
+    indices: Matrix = Field(
+        description="Interaction indices: how much loop j (column) disturbs loop i (row), a "
+        "crude estimate of the peaks.",
+        examples=[[[0.0, 5.9], [1.3, 0.0]]],
+    )
+
+
+class DecouplingResult(BaseModel):
+    """A static decoupler and its loops."""
+
+    decoupler: Matrix = Field(
+        description="D: the inverse of the static gain.",
+        examples=[[[0.157, -0.153], [0.053, -0.104]]],
+    )
+    kappa: Matrix = Field(
+        description="First Taylor coefficients of P(s) D, time units; off the diagonal the "
+        "interaction left.",
+        examples=[[[-11.3, -12.3], [-0.52, -16.9]]],
+    )
+    loops: list[PIDesign] = Field(description="Settings, one entry a loop.", examples=[[]])
+    set_point_weights: list[float] = Field(description="b, one a loop.", examples=[[0.0, 0.0]])
+    closed_loop: ClosedLoop | None = Field(
+        description="The loops together; null where one is unbounded.", examples=[None]
+    )
+    input_error_gain: float | None = Field(
+        description="Greatest relative change of a loop's gain per relative error of the inputs: "
+        "large values make a decoupler dangerous.",
+        examples=[3.0],
+    )
+    warnings: list[str] = Field(description="What to look at twice.", examples=[[]])
+
+
+def decoupling_to_json(decoupling: Decoupling) -> dict[str, Any]:
+    """Return the result as the JSON object that `DecouplingResult` describes."""
+    document: dict[str, Any] = encode(decoupling)
+    return document

@@ -1,0 +1,434 @@
+"""An interaction request and its result as JSON."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, JsonValue
+
+import solver.plants
+from service.schemas.controllers import Loop
+from service.schemas.drawn import Complex
+from service.schemas.encoding import encode
+from service.schemas.fields import Gain, RequestModel, below
+from service.schemas.frequencies import Frequencies, ascending
+from service.schemas.plants import Plant
+from solver.interaction.analysis import Interaction
+from solver.interaction.loop_effect import MAX_GAINS, LoopEffect, LoopEffectQuery
+from solver.plants import MAX_UNITS
+
+__all__ = ["InteractionRequest", "InteractionResult", "InteractionTask", "interaction_to_json"]
+
+_ROSENBROCK: JsonValue = {
+    "kind": "matrix",
+    "elements": [
+        [{"num": [1.0], "den": [1.0, 1.0]}, {"num": [2.0], "den": [1.0, 3.0]}],
+        [{"num": [1.0], "den": [1.0, 1.0]}, {"num": [1.0], "den": [1.0, 1.0]}],
+    ],
+}
+_EFFECT: JsonValue = {
+    "loop": 0,
+    "other": 1,
+    "gains": [0.0, 1.0, 2.0],
+    "controller": {"gain": 2.0, "integral_time": 1.0, "derivative_time": None},
+}
+EXAMPLE: dict[str, JsonValue] = {"plant": _ROSENBROCK, "effect": _EFFECT}
+
+LoopIndex = Annotated[int, Field(ge=0, lt=MAX_UNITS, json_schema_extra={"x-unit": "1"})]
+Numbers = list[float | None]
+Matrix = list[Numbers]
+
+
+class EffectQuery(RequestModel):
+    """Ask what a proportional gain in one loop does to another (plants without dead time)."""
+
+    loop: LoopIndex = Field(description="The loop looked at, from 0.", examples=[0])
+    other: LoopIndex = Field(
+        description="The loop whose proportional gain is varied, from 0.", examples=[1]
+    )
+    gains: Annotated[tuple[Gain, ...], Field(min_length=1, max_length=MAX_GAINS)] = Field(
+        description="Its gains.", examples=[[0.0, 1.0, 2.0]]
+    )
+    controller: Loop | None = Field(
+        default=None,
+        description="Controller of the loop looked at; null leaves it open.",
+        examples=[{"gain": 2.0, "integral_time": 1.0, "derivative_time": None}],
+    )
+
+    def build(self, plant: solver.plants.Plant) -> LoopEffectQuery:
+        """Return the solver's query about `plant`."""
+        controller = None
+        if self.controller is not None:
+            with below("/controller"):
+                controller = self.controller.build()
+        return LoopEffectQuery(plant, self.loop, self.other, self.gains, controller)
+
+
+@dataclass(frozen=True)
+class InteractionTask:
+    """What to analyse: arguments of `analyse_interaction` and of `loop_effect`, or None."""
+
+    plant: solver.plants.Plant
+    omega: NDArray[np.float64] | None
+    effect: LoopEffectQuery | None
+
+
+class InteractionRequest(RequestModel):
+    """Ask how the loops of a plant interact, and how to pair them."""
+
+    plant: Plant = Field(
+        description="The process; loop k connects output k to input k.", examples=[_ROSENBROCK]
+    )
+    omega: Frequencies | None = Field(
+        default=None,
+        description="Frequencies of the curves, ascending; null: chosen from the plant.",
+        examples=[None, [0.01, 0.1, 1.0]],
+    )
+    effect: EffectQuery | None = Field(
+        default=None,
+        description="Also: what the gain of one loop does to another.",
+        examples=[_EFFECT],
+    )
+
+    model_config = ConfigDict(json_schema_extra={"examples": [EXAMPLE]})
+
+    def build(self) -> InteractionTask:
+        """Return what to analyse.
+
+        Raises
+        ------
+        InvalidInputError
+            A value that the mathematics cannot accept, by pointer into this request.
+
+        """
+        with below("/plant"):
+            plant = self.plant.build()
+        effect = None
+        if self.effect is not None:
+            with below("/effect"):
+                effect = self.effect.build(plant)
+        return InteractionTask(plant, ascending(self.omega), effect)
+
+
+class LoopReading(BaseModel):
+    """What the relative gain of a loop means."""
+
+    loop: int = Field(description="The loop, from 0.", examples=[0])
+    relative_gain: float | None = Field(description="Its relative gain.", examples=[3.0])
+    meaning: Literal["unaffected", "helped", "fought", "reversed", "dependent"] = Field(
+        description="What closing the other loops does to its gain.", examples=["fought"]
+    )
+    within_band: bool = Field(
+        description="Whether the relative gain lies in 0.67..1.5, where single loops usually do.",
+        examples=[False],
+    )
+    text: str = Field(
+        description="The same in words.",
+        examples=["Loop 1 is fought by the other loops: its gain falls to 0.333 times ..."],
+    )
+
+
+_PAIRING: JsonValue = {
+    "inputs": [0, 1],
+    "relative_gains": [3.0, 3.0],
+    "niederlinski_index": 0.333,
+    "admissible": True,
+    "within_band": False,
+    "distance": 2.2,
+}
+
+
+class Pairing(BaseModel):
+    """One way of pairing outputs with inputs."""
+
+    inputs: list[int] = Field(
+        description="The input that controls each output, from 0.", examples=[[0, 1]]
+    )
+    relative_gains: Numbers = Field(
+        description="Relative gains of the pairs.", examples=[[3.0, 3.0]]
+    )
+    niederlinski_index: float | None = Field(
+        description="Negative: unstable with integral action in all loops. Null: a pair has no "
+        "gain.",
+        examples=[0.333],
+    )
+    admissible: bool = Field(
+        description="Whether all relative gains and the index are positive.", examples=[True]
+    )
+    within_band: bool = Field(
+        description="Whether all relative gains lie in 0.67..1.5.", examples=[False]
+    )
+    distance: float | None = Field(
+        description="Sum of |ln| of the relative gains: 0 without interaction; above 1000 with "
+        "one that is not positive.",
+        examples=[2.2],
+    )
+
+
+class PairingRanking(BaseModel):
+    """Pairings, best first."""
+
+    pairings: list[Pairing] = Field(
+        description="The best ones, at most 120.", examples=[[_PAIRING]]
+    )
+    examined: int = Field(description="How many were compared.", examples=[2])
+    exhaustive: bool = Field(description="Whether these are all there are.", examples=[True])
+
+
+class IntegralControllability(BaseModel):
+    """Whether loops may be detuned or switched off one by one (decentralised, integral)."""
+
+    verdict: Literal["guaranteed", "impossible", "undecided"] = Field(
+        description="What the conditions on the static gain say.", examples=["guaranteed"]
+    )
+    reasons: list[str] = Field(description="Conditions that fail.", examples=[[]])
+    failing_subsets: list[list[int]] = Field(
+        description="Smallest sets of loops that fail by themselves, from 0.", examples=[[]]
+    )
+    smallest_eigenvalue: float | None = Field(
+        description="Least real part of the eigenvalues of the gain with a positive diagonal.",
+        examples=[0.18],
+    )
+    scaling: Numbers | None = Field(
+        description="Diagonal D with D G + G' D positive definite: the proof. Null: none found.",
+        examples=[[0.5, 0.5]],
+    )
+    lower_limit: float | None = Field(
+        description="Parallel units: the interaction must exceed this.", examples=[None, -1.0]
+    )
+    upper_limit: float | None = Field(
+        description="Parallel units: the interaction must stay below this.", examples=[None, 1.0]
+    )
+
+
+class Zero(BaseModel):
+    """A transmission zero."""
+
+    value: Complex = Field(
+        description="Where it lies, 1 per time unit.", examples=[{"re": 1.0, "im": 0.0}]
+    )
+    multiplicity: int = Field(description="How often.", examples=[1])
+    direction: Literal["plant", "sum", "differences"] = Field(
+        description="Of the whole plant, or of a mode of parallel units.", examples=["plant"]
+    )
+    right_half_plane: bool = Field(
+        description="Whether it limits the bandwidth of any controller.", examples=[True]
+    )
+    bandwidth_limit: float | None = Field(
+        description="Greatest bandwidth, rad per time unit, for a peak of the sensitivity of 2.",
+        examples=[0.5],
+    )
+
+
+_ZERO: JsonValue = {
+    "value": {"re": 1.0, "im": 0.0},
+    "multiplicity": 1,
+    "direction": "plant",
+    "right_half_plane": True,
+    "bandwidth_limit": 0.5,
+}
+
+
+class TransmissionZeros(BaseModel):
+    """Zeros by rising magnitude."""
+
+    zeros: list[Zero] = Field(description="The zeros.", examples=[[_ZERO]])
+    method: Literal["exact", "search"] = Field(
+        description="exact: all of them. search: those of the right half plane up to "
+        "searched_radius, because dead times do not factor out (or the order is high).",
+        examples=["exact"],
+    )
+    degenerate: bool = Field(
+        description="Whether the outputs depend on each other at all frequencies.",
+        examples=[False],
+    )
+    searched_radius: float | None = Field(
+        description="Rad per time unit; null for the exact method.", examples=[None]
+    )
+
+
+class StaticEffect(BaseModel):
+    """How the static gain of a loop changes as the gain of another one grows."""
+
+    loop: int = Field(description="The loop looked at, from 0.", examples=[0])
+    other: int = Field(description="The loop whose gain grows, from 0.", examples=[1])
+    open_gain: float | None = Field(description="Gain with the other open.", examples=[1.0])
+    closed_gain: float | None = Field(
+        description="Gain with the other perfect; null: infinite.", examples=[0.333]
+    )
+    reversal_gain: float | None = Field(
+        description="Gain of the other beyond which this loop acts the wrong way; null: none.",
+        examples=[None, 1.0],
+    )
+
+
+class RelativeGainCurves(BaseModel):
+    """Relative gain array over frequency."""
+
+    omega: list[float] = Field(
+        description="Frequencies, rad per time unit.", examples=[[0.01, 0.1]]
+    )
+    relative_gains: list[list[list[Complex]]] | None = Field(
+        description="The array at each frequency; null above 10 units, see parallel.",
+        examples=[None],
+    )
+
+
+class ParallelForms(BaseModel):
+    """Closed forms of the static gain of n identical units, any n."""
+
+    interaction: float | None = Field(
+        description="a; null: the own gain is zero.", examples=[0.949]
+    )
+    determinant: float | None = Field(
+        description="Determinant; null: it overflows.", examples=[0.0994]
+    )
+    log_determinant: float | None = Field(
+        description="Natural logarithm of its magnitude; null: zero.", examples=[-2.31]
+    )
+    own_relative_gain: float | None = Field(
+        description="Diagonal element of the array; null: singular.", examples=[10.06]
+    )
+    other_relative_gain: float | None = Field(
+        description="Off-diagonal element of the array; null: singular.", examples=[-9.06]
+    )
+    own_inverse: float | None = Field(
+        description="Diagonal element of the inverse; null: singular.", examples=[10.06]
+    )
+    other_inverse: float | None = Field(
+        description="Off-diagonal element of the inverse; null: singular.", examples=[-9.55]
+    )
+    sum_eigenvalue: float = Field(
+        description="Eigenvalue of the sum of all signals, once.", examples=[1.949]
+    )
+    difference_eigenvalue: float = Field(
+        description="Eigenvalue of differences, n - 1 times.", examples=[0.051]
+    )
+    condition_number: float | None = Field(
+        description="Largest over smallest singular value; null: singular.", examples=[38.2]
+    )
+    own_relative_gains: list[Complex] = Field(
+        description="Diagonal element over frequency.", examples=[[{"re": 10.06, "im": 0.0}]]
+    )
+    other_relative_gains: list[Complex] = Field(
+        description="Off-diagonal element over frequency.", examples=[[{"re": -9.06, "im": 0.0}]]
+    )
+    deviation: float | None = Field(
+        description="Greatest relative difference from dense matrix computations; null above 10 "
+        "units.",
+        examples=[1e-15],
+    )
+
+
+class GainInterval(BaseModel):
+    """Gains between two limits."""
+
+    low: float | None = Field(description="Lower end; null: none.", examples=[0.0])
+    high: float | None = Field(description="Upper end; null: none.", examples=[4.0])
+
+
+class LoopEffectResult(BaseModel):
+    """What a proportional gain in one loop does to another; lists have an entry a gain."""
+
+    loop: int = Field(description="The loop looked at, from 0.", examples=[0])
+    other: int = Field(description="The loop whose gain is varied, from 0.", examples=[1])
+    gains: list[float] = Field(description="Its gains.", examples=[[0.0, 1.0]])
+    static_gains: Numbers = Field(
+        description="Static gain of the loop looked at; null: not finite.", examples=[[1.0, 0.5]]
+    )
+    poles: list[list[Complex]] = Field(
+        description="Closed-loop poles.", examples=[[[{"re": -1.0, "im": 0.0}]]]
+    )
+    stable: list[bool] = Field(
+        description="Whether all of them lie in the left half plane.", examples=[[True, True]]
+    )
+    stable_gains: list[GainInterval] = Field(
+        description="All gains, of the sign of the process, with which both loops are stable.",
+        examples=[[{"low": 0.0, "high": 4.0}]],
+    )
+
+
+class InteractionResult(BaseModel):
+    """Interaction between the loops of a plant; loop k connects output k to input k."""
+
+    n: int = Field(description="Number of loops.", examples=[2])
+    gain_status: Literal["regular", "integrating", "singular"] = Field(
+        description="What is known of the static gain.", examples=["regular"]
+    )
+    static_gain: Matrix | None = Field(
+        description="Static gain, null where it integrates; null above 10 units.",
+        examples=[[[1.0, 0.667], [1.0, 1.0]]],
+    )
+    relative_gains: Matrix | None = Field(
+        description="Relative gain array, as a limit for integrating plants; null: singular.",
+        examples=[[[3.0, -2.0], [-2.0, 3.0]]],
+    )
+    bristol_index: float | None = Field(
+        description="Bristol's interaction index of a 2 x 2 plant.", examples=[3.0]
+    )
+    sign: Literal["none", "positive", "negative"] | None = Field(
+        description="positive: the loops help each other. negative: they fight.",
+        examples=["negative"],
+    )
+    loops: list[LoopReading] = Field(
+        description="What each relative gain means; one entry for all of more than 10 units.",
+        examples=[[]],
+    )
+    niederlinski_index: float | None = Field(
+        description="Of the pairing as numbered.", examples=[0.333]
+    )
+    singular_values: Numbers | None = Field(
+        description="Of the static gain, descending; they depend on units.",
+        examples=[[1.86, 0.18]],
+    )
+    condition_number: float | None = Field(
+        description="Of the static gain; depends on units.", examples=[10.3]
+    )
+    ranking: PairingRanking | None = Field(
+        description="Pairings, best first.",
+        examples=[{"pairings": [_PAIRING], "examined": 2, "exhaustive": True}],
+    )
+    recommended: Pairing | None = Field(
+        description="The best admissible pairing.", examples=[_PAIRING]
+    )
+    integral_controllability: IntegralControllability | None = Field(
+        description="Null for plants that are not stable.",
+        examples=[
+            {
+                "verdict": "guaranteed",
+                "reasons": [],
+                "failing_subsets": [],
+                "smallest_eigenvalue": 0.18,
+                "scaling": [0.5, 0.5],
+                "lower_limit": None,
+                "upper_limit": None,
+            }
+        ],
+    )
+    zeros: TransmissionZeros = Field(
+        description="Transmission zeros.",
+        examples=[
+            {"zeros": [_ZERO], "method": "exact", "degenerate": False, "searched_radius": None}
+        ],
+    )
+    effects: list[StaticEffect] = Field(
+        description="What the gain of each loop does to each other one.", examples=[[]]
+    )
+    curves: RelativeGainCurves = Field(
+        description="The relative gain array over frequency.",
+        examples=[{"omega": [0.01], "relative_gains": None}],
+    )
+    parallel: ParallelForms | None = Field(
+        description="Closed forms for identical units.", examples=[None]
+    )
+    effect: LoopEffectResult | None = Field(description="The effect asked for.", examples=[None])
+    warnings: list[str] = Field(description="What to look at twice.", examples=[[]])
+
+
+def interaction_to_json(interaction: Interaction, effect: LoopEffect | None) -> dict[str, Any]:
+    """Return the result as the JSON object that `InteractionResult` describes."""
+    document: dict[str, Any] = encode(interaction)
+    return {**document, "effect": encode(effect)}
