@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from solver.certificate import Certificate
     from solver.controllers import Controller
+    from solver.mu.worst_case import WorstCase
 
 __all__ = [
     "Comparison",
@@ -137,7 +139,7 @@ class Tuning:
     search: SearchSummary
     curves: Curves | None
     comparison: Comparison | None = None
-    certificate: Any | None = None
+    certificate: Certificate | None = None
     reason: str | None = None
     omega: float | None = None
     warnings: tuple[str, ...] = field(default=())
@@ -157,6 +159,6 @@ class Robustness:
     peaks: Peaks | None
     curves: Curves | None
     lower_bound: Peak | None = None
-    worst_case: Any | None = None
-    certificate: Any | None = None
+    worst_case: WorstCase | None = None
+    certificate: Certificate | None = None
     warnings: tuple[str, ...] = field(default=())

@@ -14,13 +14,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.blocks import LoopBlocks, group_loops
+from solver.certificate import Certificate, Claim
 from solver.errors import InvalidInputError
 from solver.frequencies import corners, grid, resonances
 from solver.mu.kernel import COLD, FINE
 from solver.mu.scaling import sweep
 from solver.mu.structure import BlockStructure, bound_of_scales
+from solver.mu.worst_case import worst_case
 from solver.peaks import highest
-from solver.results import Curves, Peaks, Robustness
+from solver.proof import prove
+from solver.results import Curves, Peak, Peaks, Robustness
 from solver.stability import unstable_poles
 
 if TYPE_CHECKING:
@@ -34,6 +37,7 @@ if TYPE_CHECKING:
 
 __all__ = ["LoopAnalysis", "analyse"]
 
+PROVEN_ABOVE = 1 + 2e-4  # level of a certificate over the peak; a touch cannot be proven
 POINTS_PER_DECADE = 24
 MAX_FREQUENCIES = 10_000
 
@@ -161,6 +165,8 @@ def analyse(
     performance: Performance,
     loops: Sequence[Controller],
     omega: ArrayLike | None = None,
+    *,
+    certificate: bool = False,
 ) -> Robustness:
     """Analyse given loops.
 
@@ -175,6 +181,8 @@ def analyse(
     omega : (k,) or None
         Frequencies of the curves, rad per time unit, > 0; None: a grid chosen from the loop. The
         peaks are sought on the chosen grid in any case.
+    certificate : bool
+        Whether to prove a level just above the robust performance peak for all frequencies.
 
     Raises
     ------
@@ -207,11 +215,27 @@ def analyse(
         )
     analysis = LoopAnalysis(blocks, controllers, uncertainty, performance)
     curves = analysis.curves(analysis.omega)
+    peaks = analysis.peaks(curves)
+    top = np.array([peaks.robust_performance.omega])
+    worst = worst_case(
+        blocks, controllers, uncertainty, performance, omega=top, scales=analysis.scales(top)
+    )
+    proof: Certificate | None = None
+    warnings = [worst.warning] if worst.warning else []
+    if certificate:
+        level = PROVEN_ABOVE * peaks.robust_performance.value
+        claim = Claim(plant, uncertainty, performance, tuple(loops), level)
+        proof, reasons = prove(claim)
+        warnings += reasons
     return Robustness(
         nominally_stable=True,
         unstable_poles=0,
-        peaks=analysis.peaks(curves),
+        peaks=peaks,
         curves=curves if wanted is None else analysis.curves(wanted),
+        lower_bound=Peak(worst.mu, worst.omega),
+        worst_case=worst,
+        certificate=proof,
+        warnings=tuple(warnings),
     )
 
 

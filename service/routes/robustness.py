@@ -32,6 +32,11 @@ def compute(request: RobustnessRequest) -> dict[str, Any]:
     task = request.build()
     return robustness_to_json(
         solver.robustness.analyse(
-            task.plant, task.uncertainty, task.performance, task.loops, task.omega
+            task.plant,
+            task.uncertainty,
+            task.performance,
+            task.loops,
+            task.omega,
+            certificate=task.certificate,
         )
     )

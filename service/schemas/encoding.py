@@ -10,10 +10,12 @@ from typing import Any
 
 import numpy as np
 
+from solver.certificate import Certificate
+
 __all__ = ["encode"]
 
 
-def encode(value: Any) -> Any:  # noqa: ANN401, PLR0911 - one case for each kind of value
+def encode(value: Any) -> Any:  # noqa: ANN401, C901, PLR0911 - one case for each kind of value
     """Return `value` as JSON values.
 
     Frozen records become objects with their field names, arrays and tuples become lists, enums
@@ -42,6 +44,9 @@ def encode(value: Any) -> Any:  # noqa: ANN401, PLR0911 - one case for each kind
             return {str(key): encode(item) for key, item in value.items()}
         case list() | tuple():
             return [encode(item) for item in value]
+    if isinstance(value, Certificate):
+        # Its document has a digest and a format of its own.
+        return value.to_document()
     if dataclasses.is_dataclass(value):
         return {
             field.name: encode(getattr(value, field.name)) for field in dataclasses.fields(value)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,6 +59,7 @@ class RobustnessTask:
     performance: solver.weights.Performance
     loops: tuple[Controller, ...]
     omega: NDArray[np.float64] | None
+    certificate: bool
 
 
 class RobustnessRequest(RequestModel):
@@ -80,6 +81,11 @@ class RobustnessRequest(RequestModel):
         default=None,
         description="Frequencies of the curves, ascending; null: chosen from the loop.",
         examples=[None, [0.001, 0.01, 0.1, 1.0, 10.0]],
+    )
+    certificate: Literal["none", "full"] = Field(
+        default="none",
+        description="full: the result carries a proof for all frequencies.",
+        examples=["none"],
     )
 
     model_config = ConfigDict(json_schema_extra={"examples": [EXAMPLE]})
@@ -114,7 +120,9 @@ class RobustnessRequest(RequestModel):
             index = int(np.argmax(np.diff(omega) <= 0)) + 1
             message = "the frequencies must ascend"
             raise InvalidInputError(message, f"/omega/{index}")
-        return RobustnessTask(plant, uncertainty, performance, tuple(loops), omega)
+        return RobustnessTask(
+            plant, uncertainty, performance, tuple(loops), omega, self.certificate == "full"
+        )
 
 
 class Peak(BaseModel):

@@ -3,6 +3,7 @@ import pytest
 from zoo import COLUMN, SLH, USUAL, ZOO
 
 from solver.blocks import group_loops
+from solver.certificate import Verdict, check
 from solver.controllers import Controller
 from solver.errors import InvalidInputError
 from solver.plants import ParallelPlant, first_order
@@ -111,3 +112,13 @@ def test_a_time_constant_and_one_loop_a_unit_are_needed():
     with pytest.raises(InvalidInputError) as error:
         analyse(SLH, USUAL, Performance(tau_p=1), PUBLISHED[:1])
     assert error.value.field == "/loops"
+
+
+@pytest.mark.parametrize("case", ZOO, ids=str)
+def test_every_peak_has_a_worst_case_and_a_proof(case):
+    """The lower bound meets the peak, and a level 0.02 % above it is proven for all frequencies."""
+    result = analyse(case.plant, case.uncertainty, case.performance, case.loops, certificate=True)
+    peak = result.peaks.robust_performance.value
+    assert result.lower_bound.value == pytest.approx(peak, rel=1e-6)
+    assert result.certificate.claim.gamma == pytest.approx(peak, rel=3e-4)
+    assert check(result.certificate).verdict is Verdict.PROVEN
