@@ -15,35 +15,23 @@ from numpy.typing import NDArray
 from service.schemas.drawn import DrawnStepResponse, DrawnUnits
 from service.schemas.encoding import encode
 from service.tuned import Setting, Tuned
-from solver.blocks import group_loops
 from solver.controllers import Controller
-from solver.mu.worst_case import (
-    DiagonalPerturbation,
-    Entry,
-    RankOnePerturbation,
-    WorstCase,
-    worst_case,
-)
 from solver.plants import Plant
-from solver.robustness import LoopAnalysis
 from solver.simulation import (
-    CoupledActuators,
     Experiment,
     Loop,
-    OwnActuators,
     Step,
     StepKind,
     StepResponse,
     step_response,
 )
 from solver.simulation.actuators import Actuators
+from solver.simulation.worst_actuators import worst_actuators
 from solver.stability import is_stable
 from solver.subsystems import subsystem
-from solver.transfer_function import TransferFunction
 
 __all__ = ["Case", "alone", "together"]
 
-_ACTIVE = 5e-3  # relative distance from the highest mu up to which a frequency counts as worst
 _LONG = 40.0  # time constants of the demand: what has not settled then, settles too slowly to show
 _SHOWN = 1.5  # times the longest settling time
 _SHORTEST = 1.0  # time constants of the demand
@@ -157,41 +145,7 @@ def _duration(tuned: Tuned, probe: StepResponse) -> float:
 
 
 def _worst_actuators(tuned: Tuned, plant: Plant, loops: Sequence[Controller]) -> Actuators | None:
-    """Return the input perturbation that is worst for robust performance, ready to simulate.
-
-    mu may come as high at several frequencies: the fastest of them is taken, whose perturbation
-    shows as oscillation; those of slow ones only change the gain.
-    """
-    blocks, controllers = group_loops(plant, loops, tuned.uncertainty.structure)
-    analysis = LoopAnalysis(blocks, controllers, tuned.uncertainty, tuned.performance)
-    mu = analysis.robust_performance(analysis.omega)
-    omega = analysis.omega[[np.flatnonzero(mu >= (1 - _ACTIVE) * mu.max())[-1]]]
-    worst = worst_case(
-        blocks, controllers, tuned.uncertainty, tuned.performance,
-        omega=omega, scales=analysis.scales(omega),
-    )  # fmt: skip
-    return _actuators(worst, plant.n, tuned.uncertainty.weight)
-
-
-def _actuators(worst: WorstCase, n: int, weight: TransferFunction) -> Actuators | None:
-    match worst.uncertainty:
-        case DiagonalPerturbation(entries, actuators):
-            functions = [
-                actuator
-                for unit in range(n)
-                for entry, actuator in zip(entries, actuators, strict=True)
-                if unit in entry.units and actuator is not None
-            ]
-            return OwnActuators(tuple(functions)) if len(functions) == n else None
-        case RankOnePerturbation(left, right):
-            without_dead_time = TransferFunction(weight.num, weight.den)
-            return CoupledActuators(without_dead_time, _spread(left, n), _spread(right, n))
-
-
-def _spread(entries: Sequence[Entry], n: int) -> tuple[TransferFunction, ...]:
-    """Return one transfer function a unit."""
-    of = {unit: entry.transfer for entry in entries for unit in entry.units}
-    return tuple(of[unit] for unit in range(n))
+    return worst_actuators(plant, loops, tuned.uncertainty, tuned.performance)
 
 
 def _drawn(response: StepResponse) -> DrawnStepResponse:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from service.schemas import TuningRequest, TuningResult, parse, tuning_to_json
-from service.wording import loops_text
+from service.wording import TIME_UNIT, loops_text
 from solver.controllers import Controller
 from solver.plants import Plant
 from solver.results import Tuning
@@ -43,14 +43,17 @@ class Tuned:
         What was asked.
     result : TuningResult
         What was found; `loops` is empty where nothing was.
+    unit : str
+        Name of the unit of time.
 
     """
 
     request: TuningRequest
     result: TuningResult
+    unit: str = TIME_UNIT
 
     @classmethod
-    def from_json(cls, request: str | bytes, result: str | bytes) -> Tuned:
+    def from_json(cls, request: str | bytes, result: str | bytes, unit: str = TIME_UNIT) -> Tuned:
         """Return the record of two JSON texts.
 
         Raises
@@ -59,12 +62,12 @@ class Tuned:
             A text that does not match its schema.
 
         """
-        return cls(parse(TuningRequest, request), parse(TuningResult, result))
+        return cls(parse(TuningRequest, request), parse(TuningResult, result), unit)
 
     @classmethod
-    def of(cls, request: TuningRequest, tuning: Tuning) -> Tuned:
+    def of(cls, request: TuningRequest, tuning: Tuning, unit: str = TIME_UNIT) -> Tuned:
         """Return the record of a tuning just made."""
-        return cls(request, TuningResult.model_validate(tuning_to_json(tuning)))
+        return cls(request, TuningResult.model_validate(tuning_to_json(tuning)), unit)
 
     @cached_property
     def specification(self) -> Specification:

@@ -8,7 +8,9 @@ from dataclasses import dataclass
 from solver.controllers import Controller
 from solver.errors import InvalidInputError
 
-__all__ = ["Form", "forms", "loops_text", "number", "units_text"]
+__all__ = ["TIME_UNIT", "Form", "forms", "loops_text", "number", "units_text"]
+
+TIME_UNIT = "time unit"  # what the caller's unit of time is called where it has no name
 
 
 def number(value: float | None) -> str:

@@ -2,13 +2,12 @@
 
 from service.figures.frequency import controllers, mu, sensitivity
 from service.figures.interaction import interaction
-from service.figures.responses import Directed, relay, step_response, tuned_response
+from service.figures.responses import relay, step_response, tuned_response
 from service.figures.search import landscape, trade_off
 from service.figures.style import Theme, template
 from service.figures.tuning import TuningFigures, tuning_figures
 
 __all__ = [
-    "Directed",
     "Theme",
     "TuningFigures",
     "controllers",

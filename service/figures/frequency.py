@@ -12,23 +12,25 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 
 from service.figures.panels import Panels
-from service.figures.style import FREQUENCY, IDENTICAL, NEUTRAL, THIN, line, log_axis
+from service.figures.style import IDENTICAL, NEUTRAL, THIN, frequency_title, line, log_axis
 from service.schemas.encoding import encode
 from service.schemas.robustness import Curves, Peak, Peaks
 from service.tuned import Tuned
-from service.wording import number
+from service.wording import TIME_UNIT, number
 from solver.blocks import group_loops
 from solver.controllers import Controller
+from solver.errors import InvalidInputError
 from solver.margins import loop_transfer
 from solver.plants import Plant
 from solver.robustness import LoopAnalysis
 from solver.stability import is_stable
 from solver.subsystems import subsystem
 
-__all__ = ["controllers", "identical_curves", "mu", "sensitivity"]
+__all__ = ["controllers", "mu", "sensitivity", "tuned_mu"]
 
 _ACTIVE = 5e-3  # relative distance from the highest peak up to which a grid's peak is marked
-_BELOW_BANDWIDTH = 1e-2
+_FLAT = 0.05  # of mu: what differs less from the end of the grid need not be seen
+_BESIDE = 10.0  # factor in frequency beyond what must be seen
 _CURVES = (
     ("robust performance", "robust_performance", "circle"),
     ("robust stability", "robust_stability", "diamond"),
@@ -42,6 +44,7 @@ def mu(
     *,
     lower_bound: Peak | None = None,
     identical: Curves | None = None,
+    unit: str = TIME_UNIT,
 ) -> go.Figure:
     """Return mu over frequency: three curves, their peaks, and the level that must be kept.
 
@@ -53,6 +56,8 @@ def mu(
         Lower bound of the robust performance peak.
     identical : Curves or None
         Those of the best identical settings at the same demand.
+    unit : str
+        Name of the unit of time.
 
     """
     peak = peaks.robust_performance
@@ -79,37 +84,44 @@ def mu(
             [lower_bound.omega], [lower_bound.value], "lower bound of the peak", THIN,
             mode="markers", marker={"color": NEUTRAL, "symbol": "triangle-up-open", "size": 11},
         )  # fmt: skip
-    panels.x(1, FREQUENCY, **log_axis(curves.omega, 0.02))
+    panels.x(1, frequency_title(unit), **log_axis(np.array(curves.omega)[_shown(curves)], 0.01))
     panels.y(1, "μ (1)", rangemode="tozero", hoverformat=".5g")
     panels.level(1.0, "level 1")
     return panels.figure()
 
 
 def _marks(curves: Curves, values: list[float | None], peak: Peak) -> list[Peak]:
-    """Return the highest peak and the peaks of the grid that come as high."""
-    heights = np.array(values, dtype=float)
-    if peak.value is None or peak.omega is None or heights.size == 0:
+    """Return the highest peak and the peaks of the grid, as far as shown, that come as high."""
+    shown = _shown(curves)
+    heights = np.array(values, dtype=float)[shown]
+    if peak.value is None or not peak.omega or peak.omega < 0 or heights.size == 0:
         return []
     padded = np.concatenate([[-np.inf], np.nan_to_num(heights, nan=-np.inf), [-np.inf]])
     tops = (padded[1:-1] >= padded[:-2]) & (padded[1:-1] > padded[2:])
-    omega = np.array(curves.omega)
+    omega = np.array(curves.omega)[shown]
     # The refined peak stands for the one of the grid beside it.
     apart = np.abs(np.log(omega / peak.omega)) > 2 * np.max(np.diff(np.log(omega)), initial=0)
     chosen = np.flatnonzero(tops & apart & (heights >= (1 - _ACTIVE) * peak.value))
     return [peak, *(Peak(value=heights[index], omega=omega[index]) for index in chosen)]
 
 
-def identical_curves(tuned: Tuned) -> Curves | None:
-    """Return the curves of the best identical settings at the demand of the result."""
-    if not tuned.identical or tuned.result.curves is None:
-        return None
-    analysis = _analysis(tuned, tuned.identical)
-    return Curves.model_validate(encode(analysis.curves(np.array(tuned.result.curves.omega))))
+def tuned_mu(tuned: Tuned) -> go.Figure:
+    """Return mu over frequency of a tuning, the best identical settings beside. Needs settings."""
+    curves, peaks = _curves(tuned), tuned.result.peaks
+    if peaks is None:
+        message = "the result has no peaks"
+        raise InvalidInputError(message)
+    identical = None
+    if tuned.identical:
+        analysis = _analysis(tuned, tuned.identical)
+        identical = Curves.model_validate(encode(analysis.curves(np.array(curves.omega))))
+    return mu(curves, peaks, identical=identical, unit=tuned.unit)
 
 
 def controllers(tuned: Tuned) -> go.Figure:
     """Return gain and phase of the controllers, identical ones beside. Needs settings."""
-    omega = _omega(tuned)
+    curves = _curves(tuned)
+    omega, shown = np.array(curves.omega), _shown(curves)
     panels = Panels(
         "Controllers: gain and phase",
         "Frequency responses of the different settings"
@@ -129,8 +141,7 @@ def controllers(tuned: Tuned) -> go.Figure:
         gains.append(np.abs(response))
         panels.curve(omega, gains[-1], name, style)
         panels.curve(omega, np.degrees(np.unwrap(np.angle(response))), name, style, row=2)
-    shown = _shown(tuned, omega)
-    panels.shared_x(FREQUENCY, **log_axis(omega[shown]))
+    panels.shared_x(frequency_title(tuned.unit), **log_axis(omega[shown]))
     panels.y(1, "|c(jω)|<br>(input/output)", **log_axis(np.array(gains)[:, shown].flat, 0.05))
     panels.y(2, "phase of c<br>(degrees)", dtick=45)
     return panels.figure()
@@ -141,7 +152,8 @@ def sensitivity(tuned: Tuned) -> go.Figure:
 
     Needs settings. Loops that are unstable alone have no |S|.
     """
-    omega = _omega(tuned)
+    curves = _curves(tuned)
+    omega, shown = np.array(curves.omega), _shown(curves)
     panels = Panels(
         "Sensitivity: each loop alone, and all closed",
         "Above: |S| of each loop with the others open. Below: the largest singular value of S "
@@ -162,8 +174,7 @@ def sensitivity(tuned: Tuned) -> go.Figure:
         together.append((name, IDENTICAL, _together(tuned, tuned.identical, omega)))
     bound = 1 / tuned.performance.magnitude(omega)
     together.append(("bound 1/|w<sub>P</sub>|", THIN, bound))
-    shown = _shown(tuned, omega)
-    panels.shared_x(FREQUENCY, **log_axis(omega[shown]))
+    panels.shared_x(frequency_title(tuned.unit), **log_axis(omega[shown]))
     titles = ("|S|, loop alone<br>(1)", "σ<sub>max</sub>(S), all closed<br>(1)")  # noqa: RUF001
     single = [(name, style, S(omega)) for name, style, S in alone if S is not None]
     for row, title, drawn in zip((1, 2), titles, (single, together), strict=True):
@@ -174,14 +185,23 @@ def sensitivity(tuned: Tuned) -> go.Figure:
     return panels.figure()
 
 
-def _shown(tuned: Tuned, omega: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Tell which frequencies are near enough to the demanded bandwidth 1/tau_P to show."""
-    return omega * (tuned.result.tau_p or np.inf) >= _BELOW_BANDWIDTH
+def _curves(tuned: Tuned) -> Curves:
+    if tuned.result.curves is None:
+        message = "the result has no curves"
+        raise InvalidInputError(message)
+    return tuned.result.curves
 
 
-def _omega(tuned: Tuned) -> NDArray[np.float64]:
-    curves = tuned.result.curves
-    return np.array([] if curves is None else curves.omega)
+def _shown(curves: Curves) -> NDArray[np.bool_]:
+    """Tell which frequencies to show at first: those where something happens, and some beside."""
+    omega = np.array(curves.omega)
+    values = np.array([getattr(curves, field) for _, field, _ in _CURVES], dtype=float)
+    from_low = np.any(np.abs(values - values[:, :1]) > _FLAT, axis=0)
+    from_high = np.any(np.abs(values - values[:, -1:]) > _FLAT, axis=0)
+    if not (from_low.any() and from_high.any()):
+        return np.ones(omega.size, dtype=bool)
+    lively = omega[np.argmax(from_low)], omega[::-1][np.argmax(from_high[::-1])]
+    return np.asarray((omega >= min(lively) / _BESIDE) & (omega <= max(lively) * _BESIDE))
 
 
 def _alone(

@@ -6,13 +6,14 @@ Bristol (1966); over frequency as McAvoy has it.
 from __future__ import annotations
 
 import math
+from itertools import product
 
 import plotly.graph_objects as go
 
 from service.figures.panels import Panels
-from service.figures.style import COLOURS, FREQUENCY, line, log_axis, numbers
-from service.schemas.drawn import DrawnInteraction, Matrix
-from service.wording import number
+from service.figures.style import COLOURS, frequency_title, line, log_axis, numbers
+from service.schemas.drawn import Complex, DrawnInteraction
+from service.wording import TIME_UNIT, number
 
 __all__ = ["interaction"]
 
@@ -21,23 +22,23 @@ _SCALE = [[0.0, COLOURS[1]], [0.5, "#F4F4F2"], [1.0, COLOURS[0]]]
 _SAME = 1e-9  # relative: elements this near at all frequencies are one curve
 
 
-def interaction(result: DrawnInteraction) -> dict[str, go.Figure]:
+def interaction(result: DrawnInteraction, unit: str = TIME_UNIT) -> dict[str, go.Figure]:
     """Return the figures of an interaction analysis: those that exist of `rga`, `rga_frequency`."""
     figures = {}
     if result.relative_gains is not None:
         figures["rga"] = _heat_map(result.relative_gains)
-    if result.curves.relative_gains is not None:
-        figures["rga_frequency"] = _over_frequency(result)
+    if result.curves.relative_gains is not None or result.parallel is not None:
+        figures["rga_frequency"] = _over_frequency(result, unit)
     return figures
 
 
-def _heat_map(gains: Matrix) -> go.Figure:
+def _heat_map(gains: list[list[float | None]]) -> go.Figure:
     size = len(gains)
     names = [str(index + 1) for index in range(size)]
     panels = Panels(
         "Relative gain array",
         "Gain of each pairing with all other loops open, over the same gain with them closed. "
-        "Near 1: the pairing is hardly disturbed; negative: never pair these.",
+        "Near 1: the pairing is hardly disturbed; negative (orange): never pair these.",
         height=max(240, min(110 * size + 120, 560)),
     )
     reach = max([1.0, *(abs(value) for row in gains for value in row if value is not None)])
@@ -46,7 +47,7 @@ def _heat_map(gains: Matrix) -> go.Figure:
             "type": "heatmap", "x": names, "y": names, "z": [numbers(row) for row in gains],
             "text": [[number(value) for value in row] for row in gains], "texttemplate": "%{text}",
             "colorscale": _SCALE, "zmin": -reach, "zmax": reach, "xgap": 2, "ygap": 2,
-            "colorbar": {"title": {"text": "relative gain (1)"}, "outlinewidth": 0},
+            "showscale": False,
             "hovertemplate": "output %{y}, input %{x}: %{z:.5g}<extra></extra>",
         }
     )  # fmt: skip
@@ -59,7 +60,7 @@ def _heat_map(gains: Matrix) -> go.Figure:
     return panels.figure()
 
 
-def _over_frequency(result: DrawnInteraction) -> go.Figure:
+def _over_frequency(result: DrawnInteraction, unit: str) -> go.Figure:
     panels = Panels(
         "Relative gains over frequency",
         "Magnitude of the relative gains; equal ones share a curve. Interaction that matters for "
@@ -68,7 +69,7 @@ def _over_frequency(result: DrawnInteraction) -> go.Figure:
     curves = _distinct(result)
     for index, (name, values) in enumerate(curves):
         panels.curve(result.curves.omega, values, name, line(index))
-    panels.x(1, FREQUENCY, **log_axis(result.curves.omega))
+    panels.x(1, frequency_title(unit), **log_axis(result.curves.omega))
     seen = [1.0, *(value for _, values in curves for value in values)]
     panels.y(1, "|λ(jω)| (1)", **log_axis(seen, 0.05))
     panels.level(1.0, "no interaction")
@@ -77,20 +78,24 @@ def _over_frequency(result: DrawnInteraction) -> go.Figure:
 
 def _distinct(result: DrawnInteraction) -> list[tuple[str, list[float | None]]]:
     """Return the different magnitudes over frequency, named by the elements that share them."""
-    arrays = result.curves.relative_gains or []
-    if not arrays:
-        return []
+    arrays = result.curves.relative_gains
+    if arrays is None:
+        parallel = result.parallel
+        return [] if parallel is None else [
+            ("λ, own input", [_magnitude(value) for value in parallel.own_relative_gains]),
+            ("λ, other inputs", [_magnitude(value) for value in parallel.other_relative_gains]),
+        ]  # fmt: skip
     found: list[tuple[list[str], list[float | None]]] = []
-    for row in range(len(arrays[0])):
-        for column in range(len(arrays[0][row])):
-            values = [_magnitude(array[row][column].re, array[row][column].im) for array in arrays]
-            name = f"{row + 1}{column + 1}"
-            for names, known in found:
-                if _equal(known, values):
-                    names.append(name)
-                    break
-            else:
-                found.append(([name], values))
+    size = len(arrays[0]) if arrays else 0
+    for row, column in product(range(size), repeat=2):
+        values = [_magnitude(array[row][column]) for array in arrays]
+        name = f"{row + 1}{column + 1}"
+        for names, known in found:
+            if _equal(known, values):
+                names.append(name)
+                break
+        else:
+            found.append(([name], values))
     return [(f"λ<sub>{_list(names)}</sub>", values) for names, values in found]
 
 
@@ -99,8 +104,8 @@ def _list(names: list[str]) -> str:
     return ", ".join(names[:shown]) + (", …" if len(names) > shown else "")
 
 
-def _magnitude(re: float | None, im: float | None) -> float | None:
-    return None if re is None or im is None else math.hypot(re, im)
+def _magnitude(value: Complex) -> float | None:
+    return None if value.re is None or value.im is None else math.hypot(value.re, value.im)
 
 
 def _equal(first: list[float | None], second: list[float | None]) -> bool:

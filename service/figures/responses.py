@@ -5,45 +5,20 @@ Responses to set-point steps in the form of Skogestad, Lundstrom and Hovd (1989)
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import plotly.graph_objects as go
 
 from service.figures.panels import Panels
-from service.figures.style import IDENTICAL, THIN, TIME, line
+from service.figures.style import IDENTICAL, THIN, line, time_title
 from service.schemas.drawn import DrawnRelayExperiment, DrawnStepResponse, DrawnUnits
-from service.wording import loops_text, units_text
+from service.simulations import Case
+from service.wording import TIME_UNIT, loops_text, units_text
 
-__all__ = ["Directed", "relay", "step_response", "tuned_response"]
+__all__ = ["relay", "step_response", "tuned_response"]
 
 _OUTPUT, _INPUT = "output y<br>(output units)", "input u<br>(input units)"
 
 
-@dataclass(frozen=True)
-class Directed:
-    """Responses of tuned loops to one change of the set points.
-
-    Attributes
-    ----------
-    title, description : str
-        What is changed.
-    nominal : DrawnStepResponse
-        Of the model.
-    worst : DrawnStepResponse or None
-        With the worst input perturbation.
-    identical : DrawnStepResponse or None
-        Of the model under the best identical settings.
-
-    """
-
-    title: str
-    description: str
-    nominal: DrawnStepResponse
-    worst: DrawnStepResponse | None = None
-    identical: DrawnStepResponse | None = None
-
-
-def step_response(result: DrawnStepResponse) -> go.Figure:
+def step_response(result: DrawnStepResponse, unit: str = TIME_UNIT) -> go.Figure:
     """Return the outputs with their set points, and the inputs."""
     panels = Panels(
         "Step response", "Outputs with their set points above, inputs below.", rows=2, height=480
@@ -52,17 +27,17 @@ def step_response(result: DrawnStepResponse) -> go.Figure:
     _add_set_points(panels, result, 1)
     _add(panels, result, "output", 1, numbered)
     _add(panels, result, "input", 2, numbered)
-    panels.shared_x(TIME)
+    panels.shared_x(time_title(unit))
     panels.y(1, _OUTPUT)
     panels.y(2, _INPUT)
     return panels.figure()
 
 
-def tuned_response(directed: Directed) -> go.Figure:
+def tuned_response(title: str, description: str, case: Case, unit: str = TIME_UNIT) -> go.Figure:
     """Return the outputs of the model, those with the worst perturbation, and the inputs."""
-    nominal, worst, identical = directed.nominal, directed.worst, directed.identical
+    nominal, worst, identical = case.nominal, case.worst, case.identical
     last = 2 if worst is None else 3
-    panels = Panels(directed.title, directed.description, rows=last, height=180 * last + 100)
+    panels = Panels(title, description, rows=last, height=180 * last + 100)
     numbered: dict[str, int] = {}
     _add_set_points(panels, nominal, 1)
     _add(panels, nominal, "output", 1, numbered)
@@ -76,13 +51,13 @@ def tuned_response(directed: Directed) -> go.Figure:
             name = "identical settings"
             panels.curve(identical.time, response.output, name, IDENTICAL)
             panels.curve(identical.time, response.input, name, IDENTICAL, row=last)
-    panels.shared_x(TIME)
+    panels.shared_x(time_title(unit))
     panels.y(1, "y, nominal<br>(output units)")
     panels.y(last, "u, nominal<br>(input units)")
     return panels.figure()
 
 
-def relay(result: DrawnRelayExperiment) -> go.Figure:
+def relay(result: DrawnRelayExperiment, unit: str = TIME_UNIT) -> go.Figure:
     """Return outputs and inputs of a relay experiment."""
     count = len(result.switchings)
     panels = Panels(
@@ -95,7 +70,7 @@ def relay(result: DrawnRelayExperiment) -> go.Figure:
         for index, (units, values) in enumerate(zip(result.units, signals, strict=False)):
             name = f"unit{'s' * (len(units) > 1)} {units_text(units)}"
             panels.curve(result.time, values, name, line(index), row=row)
-    panels.shared_x(TIME)
+    panels.shared_x(time_title(unit))
     panels.y(1, _OUTPUT)
     panels.y(2, _INPUT)
     return panels.figure()

@@ -9,16 +9,15 @@ import plotly.graph_objects as go
 
 from service.figures.panels import Panels
 from service.figures.style import COLOURS, IDENTICAL, NEUTRAL, line, log_axis, numbers
+from service.schemas.trade_off import TradeOff
 from service.schemas.tunings import Optimum
-from service.trade_off import TradeOff
 from service.tuned import Tuned
-from service.wording import number
+from service.wording import TIME_UNIT, number
 
 __all__ = ["landscape", "trade_off"]
 
 _SHOWN = 12  # optima; the worse ones interest nobody
 _SYMBOLS = ("circle", "square", "diamond", "triangle-up", "cross", "star", "hexagon", "x")
-_OBJECTIVE = {"tau_p": "τ<sub>P</sub> (time units)", "mu": "peak of μ (1)"}
 
 
 def landscape(tuned: Tuned) -> go.Figure:
@@ -54,10 +53,10 @@ def landscape(tuned: Tuned) -> go.Figure:
         panels.add(_settings(index, optima[index], colours[index]), row=2)
     loops = [loop for optimum in optima for loop in optimum.loops]
     panels.x(1, "optimum, best first", dtick=1)
-    panels.y(1, _OBJECTIVE[tuned.result.objective])
+    panels.y(1, _tau_p(tuned.unit) if tuned.result.objective == "tau_p" else "peak of μ (1)")
     panels.x(2, "gain |k| (input/output)", **log_axis((loop.gain for loop in loops), 0.1))
     panels.y(
-        2, "integral time τ<sub>I</sub><br>(time units)",
+        2, f"integral time τ<sub>I</sub><br>({tuned.unit})",
         **log_axis((loop.integral_time for loop in loops), 0.15),
     )  # fmt: skip
     panels.lay_out(hovermode="closest")
@@ -84,7 +83,7 @@ def _settings(index: int, optimum: Optimum, colour: str) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def trade_off(sweep: TradeOff) -> go.Figure:
+def trade_off(sweep: TradeOff, unit: str = TIME_UNIT) -> go.Figure:
     """Return what is reached over the swept demand, identical settings beside."""
     names = {
         "epsilon": ("uncertainty of the inputs", "relative error ε of the inputs (1)"),
@@ -105,5 +104,9 @@ def trade_off(sweep: TradeOff) -> go.Figure:
         markers |= {"marker": {"symbol": "square"}}
         panels.curve(swept, identical, "identical settings", IDENTICAL, **markers)
     panels.x(1, axis)
-    panels.y(1, "τ<sub>P</sub> (time units)", rangemode="tozero")
+    panels.y(1, _tau_p(unit), rangemode="tozero")
     return panels.figure()
+
+
+def _tau_p(unit: str) -> str:
+    return f"τ<sub>P</sub> ({unit})"

@@ -19,16 +19,16 @@ __all__ = [
     "BACKGROUNDS",
     "COLOURS",
     "DASHES",
-    "FREQUENCY",
     "IDENTICAL",
     "NEUTRAL",
     "THIN",
-    "TIME",
     "Theme",
+    "frequency_title",
     "line",
     "log_axis",
     "numbers",
     "template",
+    "time_title",
 ]
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")
@@ -36,9 +36,6 @@ DASHES = ("solid", "dash", "dashdot", "longdash")
 NEUTRAL = "#7A7A7A"
 IDENTICAL = {"color": NEUTRAL, "dash": "dot", "width": 2.2}
 THIN = {"color": NEUTRAL, "width": 1}
-
-FREQUENCY = "frequency ω (rad per time unit)"
-TIME = "time (time units)"
 
 _DECADES = 1.5  # below which a label a decade is too few
 _DIGITS = 6  # of a drawn number: a pixel in a million
@@ -75,6 +72,16 @@ def numbers(values: Iterable[float | None]) -> list[float | None]:
     ]
 
 
+def frequency_title(unit: str) -> str:
+    """Return the title of a frequency axis, `unit` being that of time."""
+    return f"frequency ω (rad/{unit})"
+
+
+def time_title(unit: str) -> str:
+    """Return the title of a time axis."""
+    return f"time ({unit})"
+
+
 def log_axis(values: Iterable[float | None], margin: float = 0.0) -> dict[str, Any]:
     """Return a logarithmic axis that shows the magnitudes of `values` at first.
 
@@ -88,7 +95,7 @@ def log_axis(values: Iterable[float | None], margin: float = 0.0) -> dict[str, A
         Share of the range that is added at both ends.
 
     """
-    exponents = [math.log10(abs(value)) for value in values if value]
+    exponents = [math.log10(abs(value)) for value in values if value and math.isfinite(value)]
     low, high = min(exponents, default=0.0), max(exponents, default=1.0)
     margin *= max(high - low, 0.1)
     axis: dict[str, Any] = {

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import plotly.graph_objects as go
 
 from service import simulations
-from service.figures.frequency import controllers, identical_curves, mu, sensitivity
-from service.figures.responses import Directed, tuned_response
+from service.figures.frequency import controllers, sensitivity, tuned_mu
+from service.figures.responses import tuned_response
 from service.figures.search import landscape
 from service.tuned import Tuned
 from solver.errors import InvalidInputError
@@ -35,7 +35,8 @@ def tuning_figures(tuned: Tuned) -> TuningFigures:
         Request and result. Without settings the landscape is all there is, if optima were found.
 
     """
-    figures, omitted = {}, {}
+    figures: dict[str, go.Figure] = {}
+    omitted: dict[str, str] = {}
     for name, draw in _DRAWN.items():
         if not tuned.settings:
             continue
@@ -48,61 +49,41 @@ def tuning_figures(tuned: Tuned) -> TuningFigures:
     return TuningFigures(figures, omitted)
 
 
-def _mu(tuned: Tuned) -> go.Figure:
-    result = tuned.result
-    if result.curves is None or result.peaks is None:
-        message = "the result has no curves"
-        raise InvalidInputError(message)
-    return mu(result.curves, result.peaks, identical=identical_curves(tuned))
-
-
 def _single(tuned: Tuned) -> go.Figure:
-    case = simulations.alone(tuned)
     return tuned_response(
-        Directed(
-            "Step responses: each loop alone",
-            "Set-point step of one unit, all other loops open. " + _CAPTION,
-            case.nominal,
-            case.worst,
-            case.identical,
-        )
+        "Step responses: each loop alone",
+        "Set-point step of one unit, all other loops open. " + _PANELS,
+        simulations.alone(tuned),
+        tuned.unit,
     )
 
 
 def _easy(tuned: Tuned) -> go.Figure:
-    case = simulations.together(tuned, easy_direction(tuned.plant))
     return tuned_response(
-        Directed(
-            "Step responses: easy direction",
-            "All loops closed; the set points change in the direction that needs the least "
-            "input. " + _CAPTION,
-            case.nominal,
-            case.worst,
-            case.identical,
-        )
+        "Step responses: easy direction",
+        "All loops closed; the set points change in the direction that needs the least input. "
+        + _PANELS,
+        simulations.together(tuned, easy_direction(tuned.plant)),
+        tuned.unit,
     )
 
 
 def _difficult(tuned: Tuned) -> go.Figure:
-    case = simulations.together(tuned, difficult_direction(tuned.plant))
     return tuned_response(
-        Directed(
-            "Step responses: difficult direction",
-            "All loops closed; the set points change in the direction that needs the most "
-            "input. " + _CAPTION,
-            case.nominal,
-            case.worst,
-            case.identical,
-        )
+        "Step responses: difficult direction",
+        "All loops closed; the set points change in the direction that needs the most input. "
+        + _PANELS,
+        simulations.together(tuned, difficult_direction(tuned.plant)),
+        tuned.unit,
     )
 
 
-_CAPTION = (
+_PANELS = (
     "Outputs of the model, outputs with the worst error of the inputs, and the model's inputs."
 )
 
 _DRAWN: dict[str, Callable[[Tuned], go.Figure]] = {
-    "mu": _mu,
+    "mu": tuned_mu,
     "controllers": controllers,
     "sensitivity": sensitivity,
     "step_single": _single,

@@ -24,7 +24,7 @@ from service.schemas.jobs import Job as JobModel
 from service.schemas.jobs import JobList, job_to_json, progress_to_json, summary_to_dict
 from solver.errors import InvalidInputError
 
-__all__ = ["IdempotencyKey", "accepting", "new_job", "router"]
+__all__ = ["IdempotencyKey", "JobId", "accepting", "find_job", "new_job", "router"]
 
 router = APIRouter(prefix="/v1/tunings", tags=["tunings"])
 
@@ -89,7 +89,7 @@ async def post_tuning(
     seconds = _preferred_wait(prefer, settings.max_wait)
     if seconds is not None:
         await request.app.state.watcher.wait(job.id, seconds)
-        job = await _get(request, job.id)
+        job = await find_job(request, job.id)
         headers["Preference-Applied"] = f"wait={seconds:g}"
     status = 200 if job.snapshot.status in FINAL else 202
     return json_response(job_to_json(job), status, headers)
@@ -162,7 +162,15 @@ async def list_tunings(
     return json_response(json.dumps(page, separators=(",", ":")))
 
 
-async def _get(request: Request, job_id: str) -> Job:
+async def find_job(request: Request, job_id: str) -> Job:
+    """Return a job of the caller.
+
+    Raises
+    ------
+    NotFoundError
+        There is none with this id.
+
+    """
     try:
         return await asyncio.to_thread(_store(request).get, owner(request), job_id)
     except KeyError:
@@ -187,7 +195,7 @@ async def get_tuning(
     ] = None,
 ) -> Response:
     """Return a job, with its result once it has one; an ended job never changes again."""
-    job = await _get(request, job_id)
+    job = await find_job(request, job_id)
     if job.snapshot.status not in FINAL:
         return json_response(job_to_json(job), headers={"Cache-Control": "no-store"})
     # Weak: the bytes differ where they are compressed.
@@ -234,7 +242,7 @@ async def delete_tuning(request: Request, job_id: JobId) -> Response:
 )
 async def follow_tuning(request: Request, job_id: JobId) -> Response:
     """Stream the progress of a job until it ends."""
-    await _get(request, job_id)  # 404 before the stream begins
+    await find_job(request, job_id)  # 404 before the stream begins
     return StreamingResponse(
         _events(request, job_id),
         media_type="text/event-stream",
@@ -257,7 +265,7 @@ async def _events(request: Request, job_id: str) -> AsyncIterator[str]:
                 return
             yield f"event: progress\ndata: {progress_to_json(snapshot)}\n\n"
             if snapshot.status in FINAL:
-                yield f"event: done\ndata: {job_to_json(await _get(request, job_id))}\n\n"
+                yield f"event: done\ndata: {job_to_json(await find_job(request, job_id))}\n\n"
                 return
             pending = asyncio.ensure_future(anext(changes, None))
     finally:

@@ -6,13 +6,18 @@ checked, the rest is ignored.
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Sequence
+from typing import Annotated, Any, Self
 
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from service.schemas.fields import Frequency
 from service.schemas.robustness import Curves, Peak, Peaks
 
 __all__ = [
+    "Complex",
+    "Drawn",
+    "DrawnCurves",
     "DrawnInteraction",
     "DrawnRelayExperiment",
     "DrawnRobustness",
@@ -24,52 +29,122 @@ _MAX_POINTS = 20_001
 _MAX_TRACES = 100
 
 Series = Annotated[list[float | None], Field(max_length=_MAX_POINTS)]
+Frequencies = Annotated[list[Frequency], Field(max_length=_MAX_POINTS)]
 Units = Annotated[list[int], Field(min_length=1)]
-Matrix = Annotated[
-    list[Annotated[list[float | None], Field(max_length=_MAX_TRACES)]],
-    Field(max_length=_MAX_TRACES),
-]
+Traces = Annotated[list[Series], Field(max_length=_MAX_TRACES)]
 
 
-class DrawnRobustness(BaseModel):
+class Drawn(BaseModel):
+    """Base of what is drawn: unknown fields are passed over, the known ones must be right."""
+
+    model_config = ConfigDict(extra="ignore", strict=True, frozen=True, allow_inf_nan=False)
+
+
+def _require_length(wanted: Sequence[Any], **series: Sequence[Any] | None) -> None:
+    for name, values in series.items():
+        if values is not None and len(values) != len(wanted):
+            message = f"{name} has {len(values)} entries, {len(wanted)} are needed"
+            raise ValueError(message)
+
+
+class DrawnCurves(Curves, Drawn):
+    """Upper bounds of mu over frequency, all of one length."""
+
+    omega: Frequencies = Field(
+        description="Frequencies, rad per time unit, ascending.", examples=[[0.01, 0.1]]
+    )
+
+    @model_validator(mode="after")
+    def _check_lengths(self) -> Self:
+        _require_length(
+            self.omega,
+            robust_performance=self.robust_performance,
+            robust_stability=self.robust_stability,
+            nominal_performance=self.nominal_performance,
+        )
+        return self
+
+
+class DrawnRobustness(Drawn):
     """Curves and peaks of mu; null where the loops are unstable."""
 
     peaks: Peaks | None = Field(description="Peaks of the three mu curves.", examples=[None])
-    curves: Curves | None = Field(description="Upper bounds of mu.", examples=[None])
+    curves: DrawnCurves | None = Field(description="Upper bounds of mu.", examples=[None])
     lower_bound: Peak | None = Field(
         default=None, description="Lower bound of the robust performance peak.", examples=[None]
     )
 
 
-class Complex(BaseModel):
+class Complex(Drawn):
     """A complex number; null where it does not exist."""
 
     re: float | None = Field(description="Real part.", examples=[1.0])
     im: float | None = Field(description="Imaginary part.", examples=[0.0])
 
 
-class DrawnRelativeGains(BaseModel):
+ComplexSeries = Annotated[list[Complex], Field(max_length=_MAX_POINTS)]
+
+
+class DrawnRelativeGains(Drawn):
     """Relative gain array over frequency."""
 
-    omega: Series = Field(description="Frequencies, rad per time unit.", examples=[[0.01, 0.1]])
+    omega: Frequencies = Field(
+        description="Frequencies, rad per time unit.", examples=[[0.01, 0.1]]
+    )
     relative_gains: list[list[list[Complex]]] | None = Field(
-        description="The array at each of them.", examples=[None]
+        description="The square array at each of them.", examples=[None]
+    )
+
+    @model_validator(mode="after")
+    def _check_sizes(self) -> Self:
+        _require_length(self.omega, relative_gains=self.relative_gains)
+        for array in self.relative_gains or ():
+            first = (self.relative_gains or [[]])[0]
+            _require_length(first, array=array)
+            for row in array:
+                _require_length(first, row=row)
+        return self
+
+
+class DrawnParallelGains(Drawn):
+    """Relative gains of identical units over the same frequencies."""
+
+    own_relative_gains: ComplexSeries = Field(
+        description="Of each unit's own input.", examples=[[{"re": 2.0, "im": 0.0}]]
+    )
+    other_relative_gains: ComplexSeries = Field(
+        description="Of each other input.", examples=[[{"re": -1.0, "im": 0.0}]]
     )
 
 
-class DrawnInteraction(BaseModel):
+class DrawnInteraction(Drawn):
     """Relative gains of a plant, at steady state and over frequency."""
 
-    relative_gains: Matrix | None = Field(
+    relative_gains: Traces | None = Field(
         description="Static relative gain array.", examples=[[[2.0, -1.0], [-1.0, 2.0]]]
     )
     curves: DrawnRelativeGains = Field(
         description="The array over frequency.",
         examples=[{"omega": [0.01, 0.1], "relative_gains": None}],
     )
+    parallel: DrawnParallelGains | None = Field(
+        default=None, description="Closed forms of identical units.", examples=[None]
+    )
+
+    @model_validator(mode="after")
+    def _check_sizes(self) -> Self:
+        for row in self.relative_gains or ():
+            _require_length(self.relative_gains or (), row=row)
+        if self.parallel is not None:
+            _require_length(
+                self.curves.omega,
+                own_relative_gains=self.parallel.own_relative_gains,
+                other_relative_gains=self.parallel.other_relative_gains,
+            )
+        return self
 
 
-class DrawnUnits(BaseModel):
+class DrawnUnits(Drawn):
     """Signals of units that move alike."""
 
     units: Units = Field(description="The units, from 0.", examples=[[0]])
@@ -78,7 +153,7 @@ class DrawnUnits(BaseModel):
     input: Series = Field(description="Input.", examples=[[40.0, 1.2]])
 
 
-class DrawnStepResponse(BaseModel):
+class DrawnStepResponse(Drawn):
     """Time responses."""
 
     time: Series = Field(description="Times.", examples=[[0.0, 10.0]])
@@ -86,14 +161,29 @@ class DrawnStepResponse(BaseModel):
         description="One entry for each kind of unit.", examples=[[]]
     )
 
+    @model_validator(mode="after")
+    def _check_lengths(self) -> Self:
+        for each in self.responses:
+            _require_length(
+                self.time, set_point=each.set_point, output=each.output, input=each.input
+            )
+        return self
 
-class DrawnRelayExperiment(BaseModel):
+
+class DrawnRelayExperiment(Drawn):
     """Traces of a relay experiment."""
 
     time: Series = Field(description="Times.", examples=[[0.0, 1.0]])
     units: Annotated[list[Units], Field(max_length=_MAX_TRACES)] = Field(
         description="The units (from 0) of each row of outputs and inputs.", examples=[[[0], [1]]]
     )
-    outputs: list[Series] = Field(description="Outputs.", examples=[[[0.0, 0.1], [0.0, 0.0]]])
-    inputs: list[Series] = Field(description="Inputs.", examples=[[[1.0, -1.0], [0.0, 0.0]]])
+    outputs: Traces = Field(description="Outputs.", examples=[[[0.0, 0.1], [0.0, 0.0]]])
+    inputs: Traces = Field(description="Inputs.", examples=[[[1.0, -1.0], [0.0, 0.0]]])
     switchings: Series = Field(description="Times of the relay's switchings.", examples=[[0.33]])
+
+    @model_validator(mode="after")
+    def _check_lengths(self) -> Self:
+        _require_length(self.units, outputs=self.outputs, inputs=self.inputs)
+        for row in (*self.outputs, *self.inputs):
+            _require_length(self.time, row=row)
+        return self
