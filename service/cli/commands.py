@@ -94,6 +94,30 @@ def robustness(request: Input, *, as_json: AsJson = False) -> None:
 
 
 @app.command()
+def interaction(request: Input, *, as_json: AsJson = False) -> None:
+    """Analyse how loops interact and how to pair them."""
+    from service.cli.interaction import analyse_file  # noqa: PLC0415 - heavy
+
+    raise typer.Exit(analyse_file(request, as_json=as_json))
+
+
+@app.command()
+def decouple(request: Input, *, as_json: AsJson = False) -> None:
+    """Design a static decoupler and the PI settings of its loops."""
+    from service.cli.decoupling import decouple_file  # noqa: PLC0415 - heavy
+
+    raise typer.Exit(decouple_file(request, as_json=as_json))
+
+
+@app.command("parallel-drives")
+def parallel_drives(request: Input, *, as_json: AsJson = False) -> None:
+    """Analyse units with integral action on one load, and mend them."""
+    from service.cli.parallel_drives import analyse_file  # noqa: PLC0415 - heavy
+
+    raise typer.Exit(analyse_file(request, as_json=as_json))
+
+
+@app.command()
 def verify(
     certificate: Annotated[
         Path, typer.Argument(metavar="CERTIFICATE.json", help="Certificate; - reads stdin.")
