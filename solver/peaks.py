@@ -25,6 +25,7 @@ def local_peaks(
     values: NDArray[np.float64],
     *,
     within: float = 0.1,
+    rounds: int = ROUNDS,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Frequencies and values of the local maxima, refined by zooming in.
 
@@ -39,6 +40,8 @@ def local_peaks(
         Ascending grid, and the curve on it.
     within : float
         Maxima lower than the greatest value by more than this are left out.
+    rounds : int
+        Rounds of zooming; each quarters the brackets.
 
     Returns
     -------
@@ -55,7 +58,7 @@ def local_peaks(
     best, best_value = omega[found].copy(), values[found].copy()
     fractions = np.arange(ZOOM + 1) / ZOOM
     rows = np.arange(found.size)
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         points = low[:, None] + (high - low)[:, None] * fractions
         here = curve(np.exp(points.ravel())).reshape(points.shape)
         index = here.argmax(axis=1)

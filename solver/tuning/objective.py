@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.controllers import DERIVATIVE_FILTER, Controller
-from solver.mu.kernel import COLD
+from solver.mu.kernel import COLD, FINE
 from solver.mu.scaling import sweep
 from solver.tuning.specification import ControllerKind
 
@@ -192,8 +192,8 @@ class LoopObjective:
         self._u = uncertainty.magnitude(omega) ** 2 / goal.target**2
         self._b = goal.weight(omega)
         self._saturated = goal.saturated(omega)
-        # A few points around a peak say nothing about encirclements.
-        self._spans_the_loop = omega[-1] > 1e3 * omega[0]
+        # Far enough from the first point for the slope there; peaks may lie beside it.
+        self._beside_first = min(int(np.searchsorted(omega, 1.2 * omega[0])), omega.size - 1)
 
     def on(self, omega: NDArray[np.float64], goal: Goal | None = None) -> LoopObjective:
         """Return the same objective at other frequencies, or with another goal."""
@@ -219,7 +219,6 @@ class LoopObjective:
         theta: NDArray[np.float64],
         *,
         near: Evaluation | None = None,
-        nu_end: float = SEARCH_NU,
     ) -> Evaluation:
         """Evaluate at `theta`.
 
@@ -229,24 +228,36 @@ class LoopObjective:
             Parameters.
         near : Evaluation or None
             A neighbouring evaluation at the same frequencies, whose scales are the start.
-        nu_end : float
-            Last barrier parameter of the kernel.
 
         """
         c, dc = self._response(theta)
         y = np.zeros((self.omega.size, self.blocks.n_scales)) if near is None else near.y.copy()
-        level, slope = sweep(
-            self._G, c, self._u, self._b, self.blocks.layout, not self.goal.skewed,
-            COLD if near is None else WARM, nu_end, near is None, y,
-        )  # fmt: skip
+        level, slope = self._sweep(c, y, SEARCH_NU, cold=near is None)
         gradient = (slope[:, :, None] * dc).real.reshape(self.omega.size, -1)
         attained = self.goal.attained(level, self.omega)
         value, s = float(attained.max()), float(np.minimum(attained, self._saturated).max())
         missing = float((self.goal.demand(s, self.omega)[0] - level).max())
         merit = s + PENALTY * max(missing, 0.0)
-        if self._spans_the_loop and not self._winds_as_stable(c):
+        if not self._winds_as_stable(c):
             value = merit = math.inf
         return Evaluation(theta, value, s, merit, level, gradient, y)
+
+    def levels(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Level of each frequency at `theta`, (k,), as exact as the kernel gives it.
+
+        Says nothing about stability, so the frequencies may be any.
+        """
+        y = np.zeros((self.omega.size, self.blocks.n_scales))
+        return self._sweep(self._response(theta)[0], y, FINE, cold=True)[0]
+
+    def _sweep(
+        self, c: NDArray[np.complex128], y: NDArray[np.float64], nu_end: float, *, cold: bool
+    ) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
+        level, slope = sweep(
+            self._G, c, self._u, self._b, self.blocks.layout, not self.goal.skewed,
+            COLD if cold else WARM, nu_end, cold, y,
+        )  # fmt: skip
+        return level, slope
 
     def _response(
         self, theta: NDArray[np.float64]
@@ -290,7 +301,9 @@ class LoopObjective:
 
     def _turns_to_zero(self, det: NDArray[np.complex128]) -> bool:
         turned = np.angle(det[1:] / det[:-1]).sum()
-        slope = math.log(abs(det[0]) / abs(det[1])) / math.log(self.omega[1] / self.omega[0])
+        other = self._beside_first
+        ratio = math.log(self.omega[other] / self.omega[0])
+        slope = math.log(abs(det[0]) / abs(det[other])) / ratio
         order = round(slope)
         start = det[0] * 1j**order
         start = start if start.real > 0 else -start

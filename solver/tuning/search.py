@@ -17,7 +17,6 @@ from scipy.stats import qmc
 
 from solver.blocks import reduce
 from solver.frequencies import corners, grid, resonances
-from solver.mu.kernel import FINE
 from solver.peaks import local_peaks
 from solver.plants import ParallelPlant
 from solver.tuning.bounds import gain_signs, parameter_box
@@ -42,7 +41,9 @@ SAME_PLACE = 0.05  # and of the log parameters
 ROUGH = 1e-5  # tolerance in s of a start's descent
 EXACT = 1e-10  # of the last descent
 SETTLED = 1e-9  # difference of s between grid and refined peaks
-GRID_ROUNDS = 20
+EXCHANGE_ZOOMS = 4  # rounds of zooming while the grid is still growing
+NEARLY_ACTIVE = 0.02  # excess of the demand from which a peak enters the grid
+GRID_ROUNDS = 25
 FORBIDDEN = -50.0  # stands for a level of minus infinity where a curve is refined
 ENOUGH_ROOM = -0.02  # log mu^2 at which the first phase ends
 GAIN_STEP = 0.3  # an unstable start is tried again with this share of its gains
@@ -160,21 +161,40 @@ class GroupingSearch:
         best: Candidate | None = None
         for _ in range(GRID_ROUNDS):
             if not math.isfinite(here.value):
-                return best
+                break
             here = minimise(objective, here, self.box, tolerance=EXACT, checkpoint=self.checkpoint)
             if here.value > bar:
-                return None
-            candidate = self.measure(here.theta, here.value)
-            if best is None or candidate.value < best.value:
-                best = candidate
-            if candidate.value <= here.value + SETTLED:
                 break
-            omega = np.unique(np.concatenate([objective.omega, candidate.peaks]))
-            objective = objective.on(omega)
-            here = objective.evaluate(candidate.theta)
+            peaks, excess = self._nearby_peaks(objective, here)
+            if excess <= SETTLED:
+                # Only now the whole axis, for a peak that the grid does not know at all.
+                candidate = self.measure(here.theta, here.value)
+                if best is None or candidate.value < best.value:
+                    best = candidate
+                if candidate.value <= here.value + 10 * SETTLED:
+                    break
+                peaks = candidate.peaks
+            objective = objective.on(np.unique(np.concatenate([objective.omega, peaks])))
+            here = objective.evaluate(here.theta)
             if not math.isfinite(here.value) and objective.goal.skewed:
                 here = self._restored(objective, here.theta)
+        else:
+            best = self.measure(here.theta, here.value)
         return best if best is not None and math.isfinite(best.value) else None
+
+    def _nearby_peaks(
+        self, objective: LoopObjective, here: Evaluation
+    ) -> tuple[NDArray[np.float64], float]:
+        """Peaks of the demand's excess beside the points of the grid, and the greatest excess."""
+
+        def excess(omega: NDArray[np.float64]) -> NDArray[np.float64]:
+            return objective.goal.demand(here.s, omega)[0] - self._level(here.theta, omega)
+
+        known = objective.goal.demand(here.s, objective.omega)[0] - here.level
+        peaks, values = local_peaks(
+            excess, objective.omega, known, within=NEARLY_ACTIVE, rounds=EXCHANGE_ZOOMS
+        )
+        return peaks, float(values.max())
 
     def measure(self, theta: NDArray[np.float64], s: float) -> Candidate:
         """Return the exact value of given parameters near `s`, by refining every peak."""
@@ -202,8 +222,7 @@ class GroupingSearch:
         return Candidate(theta, s, peaks)
 
     def _level(self, theta: NDArray[np.float64], omega: NDArray[np.float64]) -> NDArray[np.float64]:
-        level = self.objective.on(omega).evaluate(theta, nu_end=FINE).level
-        return np.maximum(level, FORBIDDEN)
+        return np.maximum(self.objective.on(omega).levels(theta), FORBIDDEN)
 
     def _restored(self, objective: LoopObjective, theta: NDArray[np.float64]) -> Evaluation:
         """Return a neighbour for which some tau_P exists at the frequencies of `objective`."""

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.certificate import Certificate, Claim
+from solver.integrity import in_one_line
 from solver.plants import ParallelPlant
 from solver.proof import prove
 from solver.results import (
@@ -237,6 +238,9 @@ class _Run:
             curves=curves,
             comparison=self._comparison(search, candidate),
             certificate=certificate,
+            integrity=in_one_line(
+                specification.plant, specification.uncertainty, performance, loops
+            ),
             warnings=tuple(warnings),
         )
 
