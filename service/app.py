@@ -38,7 +38,9 @@ from service.routes import (
     interaction,
     page,
     parallel_drives,
+    relay_experiments,
     robustness,
+    step_responses,
     tunings,
 )
 from service.routes.common import problems
@@ -68,6 +70,8 @@ _FOR_CALLERS = (
     interaction,
     decouplings,
     parallel_drives,
+    step_responses,
+    relay_experiments,
     figures,
 )
 _FOR_EVERYBODY = (examples, health, page)

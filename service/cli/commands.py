@@ -117,6 +117,22 @@ def parallel_drives(request: Input, *, as_json: AsJson = False) -> None:
     raise typer.Exit(analyse_file(request, as_json=as_json))
 
 
+@app.command("step-response")
+def step_response(request: Input, *, as_json: AsJson = False) -> None:
+    """Simulate how a plant and its loops move after steps."""
+    from service.cli.step_response import simulate_file  # noqa: PLC0415 - heavy
+
+    raise typer.Exit(simulate_file(request, as_json=as_json))
+
+
+@app.command()
+def relay(request: Input, *, as_json: AsJson = False) -> None:
+    """Simulate a relay experiment and read loop settings off it."""
+    from service.cli.relay import relay_file  # noqa: PLC0415 - heavy
+
+    raise typer.Exit(relay_file(request, as_json=as_json))
+
+
 @app.command()
 def verify(
     certificate: Annotated[

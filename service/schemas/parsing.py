@@ -19,6 +19,7 @@ _Model = TypeVar("_Model", bound=BaseModel)
 _TAGS = {
     "plant": {"parallel", "first_order", "matrix"},
     "uncertainty": {"error", "weight"},
+    "perturbation": {"actuators", "coupled", "worst_case"},
 }
 _MAX_FAULTS = 20
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 __all__ = ["MAX_SAMPLES", "MAX_STEPS_GIVEN", "Experiment", "Step", "StepKind"]
 
-MAX_STEPS_GIVEN = 1000
+MAX_STEPS_GIVEN = 20_000  # two on each unit of the largest plant
 MAX_SAMPLES = 20_001
 
 

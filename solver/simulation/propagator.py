@@ -108,10 +108,12 @@ class Propagator:
         external: NDArray[np.float64],
         delayed: NDArray[np.float64],
     ) -> NDArray[np.float64]:
-        """Sums of the magnitudes of the terms of `signals`: what its rounding is relative to."""
+        """Return `signals` with all terms positive: what their rounding is measured by."""
         of_states, of_external, of_delayed = self._sizes
         value: NDArray[np.float64] = (
-            np.abs(states) @ of_states + of_external @ np.abs(external) + np.abs(delayed) @ of_delayed
+            np.abs(states) @ of_states
+            + of_external @ np.abs(external)
+            + np.abs(delayed) @ of_delayed
         )
         return value
 

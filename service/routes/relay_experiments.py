@@ -1,0 +1,39 @@
+"""Relay experiments."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fastapi import APIRouter, Request, Response
+
+import solver.relay
+from service.bodies import described_body
+from service.routes.common import BODY_PROBLEMS, analysis, described, problems
+from service.schemas.relay_experiments import (
+    RelayExperimentRequest,
+    RelayExperimentResult,
+    relay_experiment_to_json,
+)
+
+__all__ = ["compute", "router"]
+
+router = APIRouter(tags=["analyses"])
+
+
+@router.post(
+    "/v1/relay-experiments",
+    summary="Simulate a relay experiment",
+    responses={
+        200: described(RelayExperimentResult, "The outcome."),
+        **problems(*BODY_PROBLEMS, 503),
+    },
+    openapi_extra=described_body(RelayExperimentRequest),
+)
+async def post_relay_experiment(request: Request) -> Response:
+    """Return the oscillation under relay feedback, what it means, and what theory says of it."""
+    return await analysis(request, RelayExperimentRequest, compute)
+
+
+def compute(request: RelayExperimentRequest) -> dict[str, Any]:
+    """Return the outcome of the request's experiment as JSON values."""
+    return relay_experiment_to_json(solver.relay.relay_experiment(request.build()))

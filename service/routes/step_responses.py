@@ -1,0 +1,38 @@
+"""Time responses of plants and loops."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fastapi import APIRouter, Request, Response
+
+from service.bodies import described_body
+from service.routes.common import BODY_PROBLEMS, analysis, described, problems
+from service.schemas.step_responses import (
+    StepResponseRequest,
+    StepResponseResult,
+    step_response_to_json,
+)
+
+__all__ = ["compute", "router"]
+
+router = APIRouter(tags=["analyses"])
+
+
+@router.post(
+    "/v1/step-responses",
+    summary="Simulate responses to steps",
+    responses={
+        200: described(StepResponseResult, "The responses."),
+        **problems(*BODY_PROBLEMS, 503),
+    },
+    openapi_extra=described_body(StepResponseRequest),
+)
+async def post_step_response(request: Request) -> Response:
+    """Return how a plant and its loops move after steps, dead time exact."""
+    return await analysis(request, StepResponseRequest, compute)
+
+
+def compute(request: StepResponseRequest) -> dict[str, Any]:
+    """Return the responses that the request asks for as JSON values."""
+    return step_response_to_json(request.build().simulate())

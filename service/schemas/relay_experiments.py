@@ -1,0 +1,317 @@
+"""A relay experiment and its outcome as JSON."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, JsonValue
+
+import solver.relay
+from service.schemas.controllers import Loop
+from service.schemas.drawn import Complex
+from service.schemas.encoding import encode
+from service.schemas.fields import Gain, PositiveTime, RequestModel, below
+from service.schemas.loops_in_time import SimulatedLoop, TimeStep, Unit
+from service.schemas.plants import Plant
+from solver.plants import MAX_UNITS
+from solver.simulation.experiment import MAX_SAMPLES
+from solver.transfer_function import LARGEST
+
+__all__ = ["RelayExperimentRequest", "RelayExperimentResult", "relay_experiment_to_json"]
+
+_MAX_STEPS = 1000
+_OWN: JsonValue = {"num": [100.0], "den": [1.0, 21.0, 120.0, 100.0]}
+_PLANT: JsonValue = {
+    "kind": "matrix",
+    "elements": [[_OWN, {"num": [200.0], "den": [1.0, 23.0, 160.0, 300.0]}], [_OWN, _OWN]],
+}
+_RELAY: JsonValue = {"amplitude": 1.0, "hysteresis": 0.01, "sampling_period": None}
+_PLACED: JsonValue = {"output": 1, "input": 1, "loop": {"gain": 6.5, "integral_time": 0.56}}
+EXAMPLE: dict[str, JsonValue] = {
+    "plant": _PLANT,
+    "output": 0,
+    "input": 0,
+    "relay": _RELAY,
+    "loops": [_PLACED],
+    "duration": 40.0,
+    "samples": 2001,
+}
+
+Level = Annotated[float, Field(ge=0, le=LARGEST, json_schema_extra={"x-unit": "of the outputs"})]
+
+
+class RelaySettings(RequestModel):
+    """A relay with hysteresis: its output is the amplitude, with the sign of -y."""
+
+    amplitude: Gain = Field(
+        default=1.0,
+        description="Output d, not zero; negative for a process with negative gain.",
+        examples=[1.0],
+        json_schema_extra={"x-unit": "of the inputs"},
+    )
+    hysteresis: Level = Field(
+        default=0.0,
+        description="eps: it switches when the output passes +eps or -eps.",
+        examples=[0.01],
+    )
+    sampling_period: PositiveTime | None = Field(
+        default=None,
+        description="It looks at the output at multiples of this time only; null: always.",
+        examples=[None, 0.01],
+    )
+
+    def build(self) -> solver.relay.Relay:
+        """Return the solver's relay."""
+        return solver.relay.Relay(self.amplitude, self.hysteresis, self.sampling_period)
+
+
+class PlacedLoop(RequestModel):
+    """A controller from an output to an input."""
+
+    output: Unit = Field(description="The output, from 0.", examples=[1])
+    input: Unit = Field(description="The input, from 0.", examples=[1])
+    loop: SimulatedLoop = Field(
+        description="Its settings.", examples=[{"gain": 6.5, "integral_time": 0.56}]
+    )
+
+    def build(self) -> solver.relay.PlacedLoop:
+        """Return the solver's loop."""
+        with below("/loop"):
+            return solver.relay.PlacedLoop(self.output, self.input, self.loop.build())
+
+
+class RelayExperimentRequest(RequestModel):
+    """Ask what happens when a relay closes one loop; everything rests at zero before."""
+
+    plant: Plant = Field(description="The process; dead time is exact.", examples=[_PLANT])
+    output: Unit = Field(description="Output that the relay looks at, from 0.", examples=[0])
+    input: Unit = Field(description="Input that the relay drives, from 0.", examples=[0])
+    relay: RelaySettings = Field(
+        default=RelaySettings(), description="The relay.", examples=[_RELAY]
+    )
+    loops: Annotated[tuple[PlacedLoop, ...], Field(max_length=MAX_UNITS)] = Field(
+        default=(),
+        description="Loops under control meanwhile; all others are open.",
+        examples=[[], [_PLACED]],
+    )
+    steps: Annotated[tuple[TimeStep, ...], Field(max_length=_MAX_STEPS)] = Field(
+        default=(), description="Disturbances meanwhile.", examples=[[]]
+    )
+    duration: PositiveTime = Field(description="Time simulated.", examples=[40.0])
+    samples: Annotated[int, Field(ge=2, le=MAX_SAMPLES, json_schema_extra={"x-unit": "1"})] = Field(
+        default=2001, description="Equidistant samples returned.", examples=[2001]
+    )
+
+    model_config = ConfigDict(json_schema_extra={"examples": [EXAMPLE]})
+
+    def build(self) -> solver.relay.RelayExperiment:
+        """Return the solver's experiment.
+
+        Raises
+        ------
+        InvalidInputError
+            A value that the mathematics cannot accept, by pointer into this request.
+
+        """
+        with below("/plant"):
+            plant = self.plant.build()
+        with below("/relay"):
+            relay = self.relay.build()
+        loops = []
+        for index, loop in enumerate(self.loops):
+            with below(f"/loops/{index}"):
+                loops.append(loop.build())
+        steps = []
+        for index, step in enumerate(self.steps):
+            with below(f"/steps/{index}"):
+                steps.append(step.build())
+        return solver.relay.RelayExperiment(
+            plant=plant,
+            output=self.output,
+            input=self.input,
+            relay=relay,
+            loops=tuple(loops),
+            duration=self.duration,
+            samples=self.samples,
+            steps=tuple(steps),
+        )
+
+
+Series = list[float | None]
+
+
+class Regime(BaseModel):
+    """A stretch of similar periods."""
+
+    start: float = Field(description="Its first switching.", examples=[0.33])
+    end: float = Field(description="Its last switching.", examples=[10.99])
+    period: float = Field(description="Its last period.", examples=[0.61])
+    switchings: int = Field(description="Switchings in a period.", examples=[2])
+
+
+class UltimatePoint(BaseModel):
+    """Ultimate gain and frequency."""
+
+    gain: float | None = Field(description="K_u.", examples=[18.0])
+    omega: float | None = Field(
+        description="omega_u, rad per time unit; the ultimate period is 2 pi/omega_u.",
+        examples=[9.44],
+    )
+
+
+class Harmonic(BaseModel):
+    """First harmonic of an output over that of the relay."""
+
+    gain: float | None = Field(description="Magnitude.", examples=[0.0558])
+    phase: float | None = Field(description="Phase, rad, in -2 pi..0.", examples=[-2.98])
+
+
+class RuleSettings(BaseModel):
+    """PI settings by rule."""
+
+    ziegler_nichols: Loop = Field(
+        description="K_c = 0.4 K_u, T_i = 0.8 T_u: fast, poorly damped.",
+        examples=[{"gain": 7.2, "integral_time": 0.53, "derivative_time": None}],
+    )
+    tyreus_luyben: Loop = Field(
+        description="K_c = K_u/3.2, T_i = 2.2 T_u: for loops that must leave others alone.",
+        examples=[{"gain": 5.6, "integral_time": 1.47, "derivative_time": None}],
+    )
+
+
+class LimitCycle(BaseModel):
+    """The limit cycle at the end."""
+
+    period: float = Field(description="Its period.", examples=[0.666])
+    switchings: int = Field(
+        description="Switchings in a period; with more than two the gains mean nothing.",
+        examples=[2],
+    )
+    amplitudes: Series = Field(
+        description="Half the range of each output.", examples=[[0.0707, 0.0707]]
+    )
+    ultimate: UltimatePoint = Field(
+        description="By the describing function: K_u = 4 d/(pi a).",
+        examples=[{"gain": 18.0, "omega": 9.44}],
+    )
+    cross_gains: Series = Field(
+        description="4 d/(pi a) for every output; null where it rests.", examples=[[18.0, 18.0]]
+    )
+    harmonics: list[Harmonic] = Field(
+        description="Frequency response from the relay to each output, measured.",
+        examples=[[{"gain": 0.0558, "phase": -2.98}]],
+    )
+    settings: RuleSettings | None = Field(
+        description="PI settings; null where the period has more than two switchings.",
+        examples=[None],
+    )
+
+
+class PeriodicSolution(BaseModel):
+    """A solution of f(h) = eps/d: a candidate for a symmetric oscillation."""
+
+    half_period: float = Field(description="h.", examples=[0.333])
+    slope: float | None = Field(
+        description="Slope of the output at the switching, must be positive; null for a sampled "
+        "relay.",
+        examples=[0.699],
+    )
+    lowest: float | None = Field(
+        description="Least y + eps within the half period; negative: it switches earlier.",
+        examples=[0.0006],
+    )
+    eigenvalues: list[Complex] | None = Field(
+        description="Of the Jacobian W, largest first; null with dead time.",
+        examples=[[{"re": 0.717, "im": 0.0}]],
+    )
+    exists: bool = Field(description="Whether the relay switches as supposed.", examples=[True])
+    stable: bool | None = Field(
+        description="Whether it exists and is locally stable; null: not known with dead time.",
+        examples=[True],
+    )
+
+
+class McAvoy(BaseModel):
+    """Ultimate point of the loop among equal ones, by the dynamic relative gain."""
+
+    factor: Complex = Field(
+        description="K_uI/K_u at the unchanged frequency.", examples=[{"re": 0.418, "im": -0.0215}]
+    )
+    rough: UltimatePoint = Field(
+        description="At the unchanged frequency.", examples=[{"gain": 10.1, "omega": 10.95}]
+    )
+    exact: UltimatePoint | None = Field(
+        description="Without that approximation; null: equal loops never oscillate.",
+        examples=[{"gain": 7.43, "omega": 1.78}],
+    )
+
+
+class RelayTheory(BaseModel):
+    """What is known of the experiment without simulation."""
+
+    solutions: list[PeriodicSolution] = Field(
+        description="Symmetric periodic solutions, also those that do not exist.", examples=[[]]
+    )
+    described: UltimatePoint | None = Field(
+        description="Oscillation that the describing function predicts.",
+        examples=[{"gain": 18.5, "omega": 9.59}],
+    )
+    ultimate: UltimatePoint | None = Field(
+        description="Ultimate point of the process that the relay sees.",
+        examples=[{"gain": 24.2, "omega": 10.95}],
+    )
+    mcavoy: McAvoy | None = Field(
+        description="The loop among equal ones; null: pairing incomplete, or no such point.",
+        examples=[None],
+    )
+
+
+class RelayExperimentResult(BaseModel):
+    """Outcome of a relay experiment."""
+
+    behaviour: Literal[
+        "limit_cycle",
+        "constant",
+        "stopped",
+        "no_switching",
+        "irregular",
+        "diverged",
+        "step_limit",
+    ] = Field(
+        description="How it ended. limit_cycle: the last three periods agree. constant: the relay "
+        "stopped and the outputs rest. stopped: it stopped, the outputs still move. no_switching: "
+        "it never switched; take less hysteresis, more amplitude, or the other sign. irregular: "
+        "no period is seen; simulate longer. diverged: the loops under control are unstable. "
+        "step_limit: give the relay more hysteresis, or simulate less long.",
+        examples=["limit_cycle"],
+    )
+    time: list[float] = Field(description="Times.", examples=[[0.0, 0.1]])
+    units: list[list[int]] = Field(
+        description="The units (from 0) that each row of outputs and inputs stands for.",
+        examples=[[[0], [1]]],
+    )
+    outputs: list[Series] = Field(description="Outputs.", examples=[[[0.0, 0.01], [0.0, 0.01]]])
+    inputs: list[Series] = Field(description="Inputs.", examples=[[[1.0, 1.0], [0.0, 0.0]]])
+    switchings: list[float] = Field(
+        description="Switching times; the relay falls at the first.", examples=[[0.1, 0.34]]
+    )
+    regimes: list[Regime] = Field(
+        description="Stretches of similar periods; more than one is a change of behaviour.",
+        examples=[[]],
+    )
+    cycle: LimitCycle | None = Field(description="The limit cycle.", examples=[None])
+    final_outputs: Series = Field(description="Outputs at the end.", examples=[[0.0, -0.5]])
+    theory: RelayTheory = Field(
+        description="Periodic solutions, describing function, ultimate points.",
+        examples=[{"solutions": [], "described": None, "ultimate": None, "mcavoy": None}],
+    )
+
+
+def relay_experiment_to_json(outcome: solver.relay.RelayOutcome) -> dict[str, Any]:
+    """Return the outcome as the JSON object that `RelayExperimentResult` describes."""
+    document: dict[str, Any] = encode(outcome)
+    document["theory"]["solutions"] = [
+        {**encode(solution), "exists": solution.exists, "stable": solution.stable}
+        for solution in outcome.theory.solutions
+    ]
+    return document

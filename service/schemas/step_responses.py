@@ -1,0 +1,309 @@
+"""A step-response request and its result as JSON."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, JsonValue
+
+import solver.plants
+import solver.simulation
+import solver.weights
+from service.schemas.encoding import encode
+from service.schemas.fields import Coefficient, PositiveTime, RequestModel, Time, below
+from service.schemas.loops_in_time import InputLimits, SimulatedLoop, Size, TimeStep
+from service.schemas.perturbations import Perturbation, WorstCasePerturbation
+from service.schemas.plants import Plant
+from solver.errors import InvalidInputError
+from solver.plants import MAX_MATRIX_SIZE, MAX_UNITS
+from solver.simulation.experiment import MAX_SAMPLES
+from solver.simulation.worst_actuators import with_worst_actuators
+from solver.transfer_function import LARGEST
+
+__all__ = [
+    "StepResponseRequest",
+    "StepResponseResult",
+    "StepResponseTask",
+    "step_response_to_json",
+]
+
+_MAX_STEPS = 1000
+_PLANT: JsonValue = {
+    "kind": "first_order",
+    "n": 2,
+    "gain": 1.0,
+    "time_constant": 100.0,
+    "interaction": 0.949,
+    "dead_time": 1.0,
+}
+_LOOPS: JsonValue = [
+    {"gain": 46.3, "integral_time": 101.0, "derivative_time": None},
+    {"gain": 22.8, "integral_time": 3.15, "derivative_time": None},
+]
+_DIRECTION: JsonValue = {"kind": "difficult", "size": 1.0, "time": 0.0}
+_STEPS: JsonValue = [{"kind": "load", "unit": 0, "time": 100.0, "size": 0.1}]
+EXAMPLE: dict[str, JsonValue] = {
+    "plant": _PLANT,
+    "loops": _LOOPS,
+    "direction": _DIRECTION,
+    "steps": _STEPS,
+    "duration": 200.0,
+    "samples": 401,
+}
+
+
+class SetPointDirection(RequestModel):
+    """Set-point steps of all units at once, in the plant's easy or difficult direction."""
+
+    kind: Literal["easy", "difficult"] = Field(
+        description="easy: the change that needs the least input at steady state; difficult: "
+        "the one that needs the most.",
+        examples=["difficult"],
+    )
+    size: Size = Field(default=1.0, description="Largest of the steps, not zero.", examples=[1.0])
+    time: Time = Field(default=0.0, description="When they happen.", examples=[0.0])
+
+    def build(self, plant: solver.plants.Plant) -> tuple[solver.simulation.Step, ...]:
+        """Return the solver's steps."""
+        find = {
+            "easy": solver.simulation.easy_direction,
+            "difficult": solver.simulation.difficult_direction,
+        }[self.kind]
+        return tuple(
+            solver.simulation.Step(
+                solver.simulation.StepKind.SETPOINT, unit, self.time, self.size * float(share)
+            )
+            for unit, share in enumerate(find(plant))
+            if share != 0
+        )
+
+
+@dataclass(frozen=True)
+class StepResponseTask:
+    """What to simulate; the worst perturbation, where it is wanted, is found first.
+
+    `demand` holds the weights that define it, None where it is not wanted.
+    """
+
+    experiment: solver.simulation.Experiment
+    demand: tuple[solver.weights.Uncertainty, solver.weights.Performance] | None
+
+    def simulate(self) -> solver.simulation.StepResponse:
+        """Return the responses.
+
+        Raises
+        ------
+        InvalidInputError
+            As `solver.simulation.step_response`, or there is no worst perturbation.
+
+        """
+        if self.demand is None:
+            return solver.simulation.step_response(self.experiment)
+        with below("/perturbation"):
+            perturbed = with_worst_actuators(self.experiment, *self.demand)
+        return solver.simulation.step_response(perturbed)
+
+
+Row = Annotated[tuple[Coefficient, ...], Field(min_length=1, max_length=MAX_MATRIX_SIZE)]
+
+
+class StepResponseRequest(RequestModel):
+    """Ask how a plant and its loops move after steps; everything rests at zero before."""
+
+    plant: Plant = Field(description="The process; dead time is exact.", examples=[_PLANT])
+    loops: Annotated[
+        tuple[SimulatedLoop | None, ...], Field(min_length=1, max_length=MAX_UNITS)
+    ] = Field(description="Settings, one entry a unit; null: open loop.", examples=[_LOOPS])
+    steps: Annotated[tuple[TimeStep, ...], Field(max_length=_MAX_STEPS)] = Field(
+        default=(), description="Steps of any signals.", examples=[_STEPS]
+    )
+    direction: SetPointDirection | None = Field(
+        default=None, description="Set-point steps of all units at once.", examples=[_DIRECTION]
+    )
+    duration: PositiveTime = Field(description="Time simulated.", examples=[200.0])
+    samples: Annotated[int, Field(ge=2, le=MAX_SAMPLES, json_schema_extra={"x-unit": "1"})] = Field(
+        default=501, description="Equidistant samples returned.", examples=[501]
+    )
+    perturbation: Perturbation | None = Field(
+        default=None,
+        description="What the inputs do instead of what they should; null: exactly that.",
+        examples=[None, {"kind": "worst_case", "uncertainty": {"epsilon": 0.2, "theta": 1.0},
+                         "performance": {"tau_p": 19.0}}],
+    )  # fmt: skip
+    limits: (
+        Annotated[tuple[InputLimits | None, ...], Field(min_length=1, max_length=MAX_UNITS)] | None
+    ) = Field(
+        default=None,
+        description="Limits of the inputs, one entry a unit; null: none.",
+        examples=[None, [{"low": -1.0, "high": 2.0}, None]],
+    )
+    distribution: (
+        Annotated[tuple[Row, ...], Field(min_length=1, max_length=MAX_MATRIX_SIZE)] | None
+    ) = Field(
+        default=None,
+        description="Square matrix from controller outputs to plant inputs: a static decoupler, or "
+        "the shares of one controller; null: each controller has its own input.",
+        examples=[None, [[1.0, -0.5], [-0.5, 1.0]]],
+        json_schema_extra={"x-unit": "gain"},
+    )
+    bound: (
+        Annotated[
+            float, Field(gt=0, le=LARGEST, json_schema_extra={"x-unit": "of the outputs"})
+        ]
+        | None
+    ) = Field(
+        default=None,
+        description="The simulation ends where an output exceeds it; null: 1e6 times the largest "
+        "step.",
+        examples=[None, 1000.0],
+    )  # fmt: skip
+
+    model_config = ConfigDict(json_schema_extra={"examples": [EXAMPLE]})
+
+    def build(self) -> StepResponseTask:
+        """Return what to simulate.
+
+        Raises
+        ------
+        InvalidInputError
+            A value that the mathematics cannot accept, by pointer into this request.
+
+        """
+        with below("/plant"):
+            plant = self.plant.build()
+        loops = []
+        for index, loop in enumerate(self.loops):
+            with below(f"/loops/{index}"):
+                loops.append(None if loop is None else loop.build())
+        steps = []
+        for index, step in enumerate(self.steps):
+            with below(f"/steps/{index}"):
+                steps.append(step.build())
+        limits = []
+        for index, limit in enumerate(self.limits or ()):
+            with below(f"/limits/{index}"):
+                limits.append(None if limit is None else limit.build())
+        if self.direction is not None:
+            with below("/direction"):
+                steps.extend(self.direction.build(plant))
+        actuators, demand = None, None
+        with below("/perturbation"):
+            if isinstance(self.perturbation, WorstCasePerturbation):
+                demand = self.perturbation.build()
+            elif self.perturbation is not None:
+                actuators = self.perturbation.build()
+        if actuators is not None and len(actuators) != plant.n:
+            message = f"{len(actuators)} actuators for a plant of {plant.n} units"
+            raise InvalidInputError(message, "/perturbation")
+        experiment = solver.simulation.Experiment(
+            plant=plant,
+            loops=tuple(loops),
+            steps=tuple(steps),
+            duration=self.duration,
+            samples=self.samples,
+            actuators=actuators,
+            limits=tuple(limits) if self.limits is not None else None,
+            distribution=self._matrix(),
+            bound=self.bound,
+        )
+        return StepResponseTask(experiment, demand)
+
+    def _matrix(self) -> np.ndarray[Any, np.dtype[np.float64]] | None:
+        if self.distribution is None:
+            return None
+        for index, row in enumerate(self.distribution):
+            if len(row) != len(self.distribution):
+                message = f"row {index} has {len(row)} entries, {len(self.distribution)} are needed"
+                raise InvalidInputError(message, f"/distribution/{index}")
+        return np.array(self.distribution)
+
+
+Series = list[float | None]
+
+
+class SetPointMeasures(BaseModel):
+    """Response of one output to its set-point change, up to the next step of any unit."""
+
+    rise_time: float | None = Field(
+        description="From 10 to 90 per cent of the change; null: 90 were not reached.",
+        examples=[8.62],
+    )
+    settling_time: float | None = Field(
+        description="Until the error stays within 2 per cent of the change; null: it did not.",
+        examples=[78.1],
+    )
+    overshoot: float | None = Field(
+        description="Largest excess over the set point, as a fraction of the change.",
+        examples=[0.19],
+    )
+
+
+_SET_POINT: JsonValue = {"rise_time": 8.62, "settling_time": 78.1, "overshoot": 0.19}
+
+
+class Measures(BaseModel):
+    """Measures of a unit's response, over all time unless said otherwise."""
+
+    set_point: SetPointMeasures | None = Field(
+        description="Of its first set-point change; null: there is none, or the loop is open.",
+        examples=[_SET_POINT],
+    )
+    absolute_error: float | None = Field(
+        description="Integral of |error| (IAE); null for an open loop.", examples=[15.3]
+    )
+    squared_error: float | None = Field(
+        description="Integral of the squared error (ISE); null for an open loop.", examples=[8.6]
+    )
+    largest_error: float | None = Field(
+        description="Largest |error|; null for an open loop.", examples=[1.22]
+    )
+    input_variation: float | None = Field(
+        description="Total variation of the input.", examples=[114.4]
+    )
+
+
+class UnitTraces(BaseModel):
+    """Signals and measures of units that move alike."""
+
+    units: list[int] = Field(description="The units, from 0.", examples=[[0]])
+    set_point: Series = Field(description="Set point.", examples=[[1.0, 1.0]])
+    output: Series = Field(description="Output.", examples=[[0.0, 0.9]])
+    input: Series = Field(
+        description="Input within its limits, before a perturbation.", examples=[[40.0, 1.2]]
+    )
+    metrics: Measures = Field(
+        description="Rise, settling, overshoot, errors, variation.",
+        examples=[
+            {
+                "set_point": _SET_POINT,
+                "absolute_error": 15.3,
+                "squared_error": 8.6,
+                "largest_error": 1.22,
+                "input_variation": 114.4,
+            }
+        ],
+    )
+
+
+class StepResponseResult(BaseModel):
+    """Time responses, right up to the last time whatever ended them; samples are right-sided."""
+
+    end: Literal["complete", "bound", "step_limit"] = Field(
+        description="complete: the whole time was simulated. bound: an output exceeded its bound, "
+        "as those of an unstable loop do. step_limit: too many steps; simulate less long, or "
+        "leave out a tiny dead time.",
+        examples=["complete"],
+    )
+    time: list[float] = Field(description="Times.", examples=[[0.0, 10.0]])
+    responses: list[UnitTraces] = Field(
+        description="One entry for each kind of unit: those with equal loops and steps move alike.",
+        examples=[[]],
+    )
+
+
+def step_response_to_json(response: solver.simulation.StepResponse) -> dict[str, Any]:
+    """Return the result as the JSON object that `StepResponseResult` describes."""
+    document: dict[str, Any] = encode(response)
+    return document
