@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import logging
 import os
 import signal
 from collections.abc import Callable
@@ -16,10 +17,14 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from typing import Any, ParamSpec
 
+import numpy as np
+
 from service.jobs import processes
-from service.problems import AnalysisTimeoutError, UnavailableError
+from service.problems import AnalysisTimeoutError, NumbersError, UnavailableError
 
 __all__ = ["Analyses"]
+
+logger = logging.getLogger(__name__)
 
 _P = ParamSpec("_P")
 
@@ -113,4 +118,9 @@ def _leave_signals() -> None:
 def _to_json(
     compute: Callable[..., dict[str, Any]], args: tuple[Any, ...], kwargs: dict[str, Any]
 ) -> bytes:
-    return json.dumps(compute(*args, **kwargs), allow_nan=False, separators=(",", ":")).encode()
+    try:
+        document = compute(*args, **kwargs)
+    except (ArithmeticError, np.linalg.LinAlgError):
+        logger.exception("numbers beyond double precision")
+        raise NumbersError from None
+    return json.dumps(document, allow_nan=False, separators=(",", ":")).encode()

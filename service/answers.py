@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 from fastapi import FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
@@ -43,8 +44,25 @@ def install(app: FastAPI) -> None:
         app.add_exception_handler(kind, _answer)
 
 
-async def _answer(_request: Request, error: Exception) -> Response:
-    return problem_response(_ours(error))
+async def _answer(request: Request, error: Exception) -> Response:
+    problem = _ours(error)
+    if isinstance(problem, MethodError):
+        # The router names the methods of the first route with this path only.
+        problem.headers["allow"] = ", ".join(_methods(request))
+    return problem_response(problem)
+
+
+def _methods(request: Request) -> list[str]:
+    """Return the methods of the resource that a request asked for."""
+    path = request.url.path
+    templates: dict[str, dict[str, object]] = request.app.openapi()["paths"]
+    found = {
+        method.upper()
+        for template, operations in templates.items()
+        if re.fullmatch(re.sub(r"{\w+}", "[^/]+", template), path)
+        for method in operations
+    }
+    return sorted(found) or ["GET"]  # what the document leaves out is only read
 
 
 def problem_response(error: Exception) -> Response:

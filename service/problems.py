@@ -21,6 +21,7 @@ __all__ = [
     "MediaTypeError",
     "MethodError",
     "NotFoundError",
+    "NumbersError",
     "ParameterError",
     "Problem",
     "ProblemError",
@@ -98,6 +99,17 @@ class ParameterError(ProblemError):
     """A parameter in path, query or header is not valid."""
 
 
+class NumbersError(ProblemError):
+    """Numbers so far apart that double precision cannot hold the answer."""
+
+    def __init__(self) -> None:
+        super().__init__("The numbers are too large, too small or too far apart to compute with.")
+
+    def __reduce__(self) -> tuple[type[NumbersError], tuple[()]]:
+        """Cross a process boundary."""
+        return NumbersError, ()
+
+
 class BodyTooLargeError(ProblemError):
     """The request body exceeds its limit."""
 
@@ -166,6 +178,7 @@ KINDS: dict[type[Exception], Kind] = {
     ParameterError: Kind(422, "invalid-parameter", "A parameter is not valid"),
     UnsupportedPlantError: Kind(422, "unsupported-plant", "The plant is not supported"),
     InvalidInputError: Kind(422, "invalid-input", "The mathematics cannot accept a value"),
+    NumbersError: Kind(422, "numbers", "The numbers are beyond double precision"),
     BodyTooLargeError: Kind(413, "body-too-large", "The body is too large"),
     MediaTypeError: Kind(415, "media-type", "The body must be JSON"),
     UnauthorizedError: Kind(401, "unauthorized", "An API key is needed"),

@@ -6,12 +6,13 @@ import json
 import logging
 import time
 
+import numpy as np
 from distributed import Worker, get_worker
 
 import service.schemas
 import solver.tuning
 from service.jobs.records import JobStatus, Outcome
-from service.problems import describe
+from service.problems import NumbersError, describe
 from solver.errors import Cancelled, InvalidInputError
 from solver.results import Progress, Status
 
@@ -74,6 +75,9 @@ def _outcome(request: str, report: _Reporter) -> Outcome:
         return Outcome(JobStatus.CANCELLED)
     except InvalidInputError as error:
         return Outcome(JobStatus.FAILED, error=json.dumps(describe(error)))
+    except (ArithmeticError, np.linalg.LinAlgError):
+        logger.exception("numbers beyond double precision")
+        return Outcome(JobStatus.FAILED, error=json.dumps(describe(NumbersError())))
     except Exception as error:
         logger.exception("a tuning failed")
         return Outcome(JobStatus.FAILED, error=json.dumps(describe(error)))

@@ -8,7 +8,7 @@ from pydantic import Field
 
 import solver.controllers
 import solver.tuning.specification
-from service.schemas.fields import Gain, PositiveTime, RequestModel
+from service.schemas.fields import SMALLEST, Gain, PositiveTime, RequestModel
 from solver.plants import MAX_UNITS
 
 __all__ = ["Bounds", "ControllerChoice", "Loop"]
@@ -34,7 +34,7 @@ def _range(unit: str) -> object:
     return Field(min_length=2, max_length=2, json_schema_extra={"x-unit": unit})
 
 
-Limit = Annotated[float, Field(gt=0, le=_LARGEST_BOUND)]
+Limit = Annotated[float, Field(ge=SMALLEST, le=_LARGEST_BOUND)]
 GainRange = Annotated[tuple[Limit, Limit], _range("gain")]
 TimeRange = Annotated[tuple[Limit, Limit], _range("time")]
 

@@ -17,12 +17,14 @@ from solver.errors import InvalidInputError
 from solver.transfer_function import LARGEST, MAX_ORDER
 
 __all__ = [
+    "SMALLEST",
     "Coefficients",
     "Frequency",
     "Gain",
     "PositiveTime",
     "Ratio",
     "RequestModel",
+    "ResultModel",
     "Time",
     "below",
 ]
@@ -33,6 +35,14 @@ class RequestModel(BaseModel):
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
+
+class ResultModel(BaseModel):
+    """Base of what the service answers, and reads again where an answer is sent back."""
+
+    model_config = ConfigDict(strict=True)
+
+
+SMALLEST = 1 / LARGEST  # so that quotients of any two such numbers are in range too
 
 Coefficient = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 
@@ -47,9 +57,13 @@ Ratio = Annotated[float, Field(ge=-LARGEST, le=LARGEST, json_schema_extra={"x-un
 
 Time = Annotated[float, Field(ge=0, le=LARGEST, json_schema_extra={"x-unit": "time"})]
 
-PositiveTime = Annotated[float, Field(gt=0, le=LARGEST, json_schema_extra={"x-unit": "time"})]
+PositiveTime = Annotated[
+    float, Field(ge=SMALLEST, le=LARGEST, json_schema_extra={"x-unit": "time"})
+]
 
-Frequency = Annotated[float, Field(gt=0, le=LARGEST, json_schema_extra={"x-unit": "rad/time"})]
+Frequency = Annotated[
+    float, Field(ge=SMALLEST, le=LARGEST, json_schema_extra={"x-unit": "rad/time"})
+]
 
 
 @contextmanager

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Field, Tag
 
 import solver.weights
-from service.schemas.fields import PositiveTime, RequestModel, Time, below
+from service.schemas.fields import SMALLEST, PositiveTime, RequestModel, Time, below
 from service.schemas.plants import TransferFunction
 from solver.transfer_function import LARGEST
 from solver.weights import Structure
@@ -26,9 +26,11 @@ StructureName = Annotated[
 class UncertaintyOfError(RequestModel):
     """Input uncertainty by its steady-state error and the time scale at which it reaches 100 %."""
 
-    epsilon: Annotated[float, Field(gt=0, le=LARGEST, json_schema_extra={"x-unit": "1"})] = Field(
-        description="Relative error of the inputs at steady state; 0.2 is 20 per cent.",
-        examples=[0.2],
+    epsilon: Annotated[float, Field(ge=SMALLEST, le=LARGEST, json_schema_extra={"x-unit": "1"})] = (
+        Field(
+            description="Relative error of the inputs at steady state; 0.2 is 20 per cent.",
+            examples=[0.2],
+        )
     )
     theta: Time = Field(
         description="The error reaches 100 per cent near the frequency 1/theta; "

@@ -14,7 +14,7 @@ from solver.results import LocalOptimum, Progress, SearchSummary, Status, Tuning
 SLOW, STUCK, DEADLY, UNSUPPORTED, BROKEN = 1, 2, 3, 4, 5
 
 
-def tune(specification, progress=None):  # noqa: ANN001, ANN201
+def tune(specification, progress=None):
     """Stand in for `solver.tuning.tune`; SLOW runs for `starts` hundredths of a second."""
     match specification.seed:
         case s if s == SLOW:
@@ -31,7 +31,7 @@ def tune(specification, progress=None):  # noqa: ANN001, ANN201
             raise UnsupportedPlantError(message, "/plant/process/den")
         case s if s == BROKEN:
             message = "a fault of the solver"
-            raise ZeroDivisionError(message)
+            raise RuntimeError(message)
     loops = tuple(
         Controller(1.0 + unit, specification.plant.process.den[0])
         for unit in range(specification.plant.n)
@@ -49,6 +49,6 @@ def tune(specification, progress=None):  # noqa: ANN001, ANN201
     )
 
 
-def dask_setup(_worker):  # noqa: ANN001, ANN201
+def dask_setup(_worker):
     """Put it in place, in a worker process only."""
     solver.tuning.tune = tune
