@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from datetime import UTC, datetime
 from pathlib import Path
 
 from rich.console import Console
@@ -13,13 +14,14 @@ import solver.tuning
 from service.cli.outcomes import ExitCode, exit_code_of, read_input, reported
 from service.cli.tables import number, tuning_table
 from service.schemas import TuningRequest, TuningResult, parse_tuning_request, tuning_to_json
+from service.tuned import Tuned
 
 __all__ = ["tune_file"]
 
 
 @reported
-def tune_file(path: Path, *, as_json: bool) -> ExitCode:
-    """Tune the request in `path` and print the result.
+def tune_file(path: Path, *, as_json: bool, report: Path | None = None) -> ExitCode:
+    """Tune the request in `path`, print the result and write a report of it.
 
     Parameters
     ----------
@@ -27,6 +29,8 @@ def tune_file(path: Path, *, as_json: bool) -> ExitCode:
         Request file, or ``-`` for standard input.
     as_json : bool
         Print the JSON result alone, instead of tables.
+    report : Path or None
+        HTML file to write.
 
     Returns
     -------
@@ -34,12 +38,17 @@ def tune_file(path: Path, *, as_json: bool) -> ExitCode:
         As the status of the result says; BAD_INPUT where the request is at fault.
 
     """
-    document = _tune(parse_tuning_request(read_input(path)))
+    request = parse_tuning_request(read_input(path))
+    document = _tune(request)
     result = TuningResult.model_validate(document)
     if as_json:
         print(json.dumps(document, allow_nan=False))  # noqa: T201 - the output asked for
     else:
         Console().print(tuning_table(result))
+    if report is not None:
+        from service.report import report_html  # noqa: PLC0415 - imports Plotly
+
+        report.write_text(report_html(Tuned(request, result), datetime.now(UTC)), "utf-8")
     return exit_code_of(result)
 
 

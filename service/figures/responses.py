@@ -37,7 +37,7 @@ def tuned_response(title: str, description: str, case: Case, unit: str = TIME_UN
     """Return the outputs of the model, those with the worst perturbation, and the inputs."""
     nominal, worst, identical = case.nominal, case.worst, case.identical
     last = 2 if worst is None else 3
-    panels = Panels(title, description, rows=last, height=180 * last + 100)
+    panels = Panels(title, description, rows=last, height=160 * last + 100)
     numbered: dict[str, int] = {}
     _add_set_points(panels, nominal, 1)
     _add(panels, nominal, "output", 1, numbered)

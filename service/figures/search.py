@@ -59,7 +59,8 @@ def landscape(tuned: Tuned) -> go.Figure:
         2, f"integral time τ<sub>I</sub><br>({tuned.unit})",
         **log_axis((loop.integral_time for loop in loops), 0.15),
     )  # fmt: skip
-    panels.lay_out(hovermode="closest")
+    # Room for the label of the highest one.
+    panels.lay_out(hovermode="closest", margin={"t": 36})
     return panels.figure()
 
 

@@ -37,7 +37,7 @@ NEUTRAL = "#7A7A7A"
 IDENTICAL = {"color": NEUTRAL, "dash": "dot", "width": 2.2}
 THIN = {"color": NEUTRAL, "width": 1}
 
-_DECADES = 1.5  # below which a label a decade is too few
+_WIDE, _NARROW = 2.0, 0.7  # decades from which a label a decade, or labels at 1, 2, 5, do
 _DIGITS = 6  # of a drawn number: a pixel in a million
 _FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Liberation Sans', 'DejaVu Sans', sans-serif"
 _TRANSPARENT = "rgba(0,0,0,0)"
@@ -85,7 +85,7 @@ def time_title(unit: str) -> str:
 def log_axis(values: Iterable[float | None], margin: float = 0.0) -> dict[str, Any]:
     """Return a logarithmic axis that shows the magnitudes of `values` at first.
 
-    Labels stand at each decade, or at all digits that fit where there are not two decades.
+    Labels stand at each decade, at 1, 2 and 5 where there are not two, or where they fit.
 
     Parameters
     ----------
@@ -104,9 +104,13 @@ def log_axis(values: Iterable[float | None], margin: float = 0.0) -> dict[str, A
         "exponentformat": "power",
         "minor": {"dtick": "D1", "ticks": "outside", "ticklen": 3},
     }
-    if high - low > _DECADES:
+    if high - low > _WIDE:
         # Powers of ten come out a quarter larger than plain numbers.
-        axis |= {"dtick": 1, "tickfont": {"size": 11}}
+        return axis | {"dtick": 1, "tickfont": {"size": 11}}
+    if high - low > _NARROW:
+        decades = range(math.floor(low - margin), math.ceil(high + margin))
+        ticks = [digit * 10.0**decade for decade in decades for digit in (1, 2, 5)]
+        return axis | {"tickvals": ticks, "ticktext": [f"{tick:g}" for tick in ticks]}
     return axis
 
 
@@ -145,6 +149,7 @@ def template(theme: Theme) -> go.layout.Template:
                 "x": 0,
                 "bgcolor": _TRANSPARENT,
             },
+            "modebar": {"bgcolor": _TRANSPARENT, "color": axis, "activecolor": text},
             "hovermode": "x unified",
             "hoverlabel": {"bgcolor": box, "bordercolor": axis, "font": {"color": text}},
         }

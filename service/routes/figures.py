@@ -1,10 +1,14 @@
-"""Figures of tunings and of analyses."""
+"""Figures of tunings and of analyses, and the report of a tuning."""
 
 from __future__ import annotations
 
+import asyncio
+import json
+from datetime import UTC, datetime
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
+from fastapi.responses import HTMLResponse
 
 from service import bodies
 from service.jobs.records import Job
@@ -20,6 +24,7 @@ from service.schemas.drawn import (
 )
 from service.schemas.figures import FiguresResult
 from service.schemas.trade_off import TradeOff
+from service.tuned import Tuned
 from service.wording import TIME_UNIT
 
 __all__ = ["Unit", "finished", "router"]
@@ -50,6 +55,33 @@ async def get_figures(request: Request, job_id: JobId, unit: Unit = TIME_UNIT) -
     job = await finished(request, job_id)
     drawn = await request.app.state.analyses.run(_draw_tuning, job.request, job.result, unit)
     return json_response(drawn)
+
+
+@router.get(
+    "/v1/tunings/{job_id}/report",
+    tags=["tunings"],
+    summary="Report of a tuning",
+    response_class=HTMLResponse,
+    responses={
+        200: {
+            "description": "One HTML file that opens without network.",
+            "content": {"text/html": {"schema": {"type": "string"}}},
+        },
+        **problems(404, 409, 422, 503),
+    },
+)
+async def get_report(request: Request, job_id: JobId, unit: Unit = TIME_UNIT) -> Response:
+    """Return inputs, settings, figures and proof of a tuning, to print, sign and file."""
+    job = await finished(request, job_id)
+    answer = await request.app.state.analyses.run(_report, job.request, job.result, unit, job.id)
+    document = await asyncio.to_thread(json.loads, answer)
+    return HTMLResponse(
+        document["html"],
+        headers={
+            "Content-Security-Policy": document["policy"],
+            "Content-Disposition": f'attachment; filename="mutune-{job.id[:8]}.html"',
+        },
+    )
 
 
 async def finished(request: Request, job_id: str) -> Job:
@@ -100,6 +132,13 @@ def _draw_tuning(request: str, result: str, unit: str) -> dict[str, Any]:
     from service.figures.answers import draw_tuning  # noqa: PLC0415
 
     return draw_tuning(request, result, unit)
+
+
+def _report(request: str, result: str, unit: str, job: str) -> dict[str, Any]:
+    from service.report import POLICY, report_html  # noqa: PLC0415
+
+    tuned = Tuned.from_json(request, result, unit)
+    return {"html": report_html(tuned, datetime.now(UTC), job), "policy": POLICY}
 
 
 def _draw(result: Drawn, unit: str) -> dict[str, Any]:
