@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from solver.transfer_function import TransferFunction
     from solver.weights import Uncertainty
 
-__all__ = ["corners", "grid", "resonances"]
+__all__ = ["corners", "corners_of", "grid", "resonances", "resonances_of"]
 
 DERIVATIVE_CORNER = 10.0  # the derivative filter's corner over 1/tau_D
 
@@ -31,18 +31,17 @@ def corners(
     functions: list[TransferFunction] = list(plant.elements)
     if uncertainty is not None:
         functions.append(uncertainty.weight)
-    found: set[float] = set()
-    for function in functions:
-        found.update(np.abs(function.poles).tolist())
-        found.update(np.abs(function.zeros).tolist())
-        if function.dead_time > 0:
-            found.add(1 / function.dead_time)
+    found = _corners_of_functions(functions)
     for loop in set(loops):
         found.add(1 / loop.integral_time)
         if loop.derivative_time is not None:
             found.update((1 / loop.derivative_time, DERIVATIVE_CORNER / loop.derivative_time))
-    positive = [value for value in found if value > 0]
-    return np.array(sorted(positive)) if positive else np.array([1.0])
+    return _ascending(found)
+
+
+def corners_of(functions: Iterable[TransferFunction]) -> NDArray[np.float64]:
+    """Corner frequencies (rad per time unit) of transfer functions, ascending, at least one."""
+    return _ascending(_corners_of_functions(functions))
 
 
 def resonances(plant: Plant) -> NDArray[np.float64]:
@@ -50,7 +49,12 @@ def resonances(plant: Plant) -> NDArray[np.float64]:
 
     A root at -d +- j w bends the curves within a few d of w, which no fixed grid can know.
     """
-    roots = np.array([root for f in plant.elements for root in (*f.poles, *f.zeros)], dtype=complex)
+    return resonances_of(plant.elements)
+
+
+def resonances_of(functions: Iterable[TransferFunction]) -> NDArray[np.float64]:
+    """Frequencies that resolve lightly damped poles and zeros of transfer functions, ascending."""
+    roots = np.array([root for f in functions for root in (*f.poles, *f.zeros)], dtype=complex)
     light = roots[(roots.imag > 0) & (np.abs(roots.real) < 0.5 * roots.imag)]
     if not light.size:
         return np.array([])
@@ -66,3 +70,18 @@ def grid(
     count = max(2, int(np.ceil(per_decade * np.log10(high / low))) + 1)
     points = np.concatenate([np.geomspace(low, high, count), *extra])
     return np.unique(points[(points >= low) & (points <= high)])
+
+
+def _corners_of_functions(functions: Iterable[TransferFunction]) -> set[float]:
+    found: set[float] = set()
+    for function in functions:
+        found.update(np.abs(function.poles).tolist())
+        found.update(np.abs(function.zeros).tolist())
+        if function.dead_time > 0:
+            found.add(1 / function.dead_time)
+    return found
+
+
+def _ascending(found: set[float]) -> NDArray[np.float64]:
+    positive = [value for value in found if value > 0]
+    return np.array(sorted(positive)) if positive else np.array([1.0])

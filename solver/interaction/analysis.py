@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solver.interaction.frequencies import frequency_grid
+from solver.frequencies import corners_of
 from solver.interaction.integral_controllability import (
     IntegralControllability,
     Verdict,
@@ -143,7 +143,8 @@ def analyse_interaction(plant: Plant, omega: NDArray[np.float64] | None = None) 
 
     """
     if omega is None:
-        omega = frequency_grid(plant.elements, _POINTS, below=10.0, above=10.0)
+        bends = corners_of(set(plant.elements))
+        omega = np.geomspace(bends[0] / 10, bends[-1] * 10, _POINTS)
     if isinstance(plant, ParallelPlant) and plant.n > DENSE_UP_TO:
         return _analyse_many_units(plant, omega)
     low = low_frequency_gain(plant)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from solver.interaction.frequencies import corner_frequencies
+from solver.frequencies import corners_of
 from solver.interaction.rational_matrix import Root
 from solver.interaction.relative_gain import is_singular
 from solver.interaction.zero_search import Box, zeros_in_box
@@ -39,7 +39,7 @@ def search_radius(rows: SumMatrix) -> float:
     Ten times the highest corner frequency, less where dead times turn the determinant by more
     than 60 rad before.
     """
-    reach = _REACH * corner_frequencies(_terms(rows))[1]
+    reach = _REACH * float(corners_of(_terms(rows))[-1])
     longest = float(np.sum(np.max(_remaining_dead_times(rows), axis=(1, 2))))
     return min(reach, _MAX_PHASE / longest) if longest > 0 else reach
 
@@ -61,7 +61,7 @@ def right_half_plane_zeros(
         In rad per time unit.
 
     """
-    lowest, _ = corner_frequencies(_terms(rows))
+    lowest = float(corners_of(_terms(rows))[0])
     margin = 1e-4 * min(lowest, radius)  # lets the box hold zeros on the axes
     matrix = _Delayed.from_sums(rows, factors)
     unstable = _unstable_poles(rows, -2 * margin)

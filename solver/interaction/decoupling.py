@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.errors import InvalidInputError, UnsupportedPlantError
+from solver.frequencies import corners_of
 from solver.interaction.decoupled_loops import DecoupledLoops
-from solver.interaction.frequencies import frequency_grid
 from solver.interaction.loop_shape import RobustnessLimits, dense_frequencies
 from solver.interaction.pi_design import DesignStatus, PIDesign, design_pi
 from solver.interaction.relative_gain import is_singular, relative_gain_array, relative_gain_at
@@ -240,7 +240,8 @@ def _closed_loop(
     system = DecoupledLoops(plant, D, gains, specification.weights)
     omega = specification.omega
     if omega is None:
-        omega = frequency_grid(plant.elements, _POINTS, below=100.0, above=100.0)
+        bends = corners_of(plant.elements)
+        omega = np.geomspace(bends[0] / 100, bends[-1] * 100, _POINTS)
     dense = dense_frequencies(plant.elements)
     indices = np.abs(kappa * [g.integral_gain for g in gains]) * np.array(peaks)[:, None]
     np.fill_diagonal(indices, 0.0)

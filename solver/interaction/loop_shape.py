@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.errors import InvalidInputError
-from solver.interaction.frequencies import corner_frequencies
+from solver.frequencies import corners_of, resonances_of
 from solver.results import Peak
 
 if TYPE_CHECKING:
@@ -28,10 +28,14 @@ if TYPE_CHECKING:
 
 __all__ = ["LoopShape", "RobustnessLimits", "dense_frequencies", "refine_minima"]
 
-_POINTS = 1500  # even in logarithm
+_POINTS = 1000  # even in logarithm
 _DECADES = 3  # beyond the corners on both sides
 _DEAD_TIME_STEP = 0.1  # rad of the longest dead time between samples ...
 _DEAD_TIME_POINTS = 3000  # ... for that many samples: 300 rad
+_STEP = 0.1  # relative change of the process between samples
+_SMALL = 1e-3  # relative size of the process below which larger changes are let pass
+_HALVINGS = 12
+_MAX_POINTS = 8000
 
 
 @dataclass(frozen=True)
@@ -71,7 +75,18 @@ class LoopShape:
     def of(cls, process: WeightedSum) -> LoopShape:
         """Sample the process."""
         omega = dense_frequencies(process.active_terms)
-        return cls(process, omega, process.response(omega))
+        response = process.response(omega)
+        for _ in range(_HALVINGS):
+            change = np.abs(np.diff(response))
+            size = np.maximum(np.abs(response[1:]), np.abs(response[:-1]))
+            # Far above the resonances only dead time turns: sampled evenly already.
+            coarse = np.flatnonzero((change > _STEP * size) & (size > _SMALL * np.max(size)))
+            if not coarse.size or omega.size > _MAX_POINTS:
+                break
+            middle = np.sqrt(omega[coarse] * omega[coarse + 1])
+            omega = np.insert(omega, coarse + 1, middle)
+            response = np.insert(response, coarse + 1, process.response(middle))
+        return cls(process, omega, response)
 
     def is_stable(self, proportional: float, integral: float) -> bool:
         """Whether the closed loop with c = k + k_I/s, k_I > 0, is stable.
@@ -182,12 +197,9 @@ def dense_frequencies(terms: Iterable[TransferFunction]) -> NDArray[np.float64]:
     finer around lightly damped poles and zeros, and evenly spaced as far as dead time turns.
     """
     elements = tuple(terms)
-    lowest, highest = corner_frequencies(elements)
-    parts = [np.geomspace(lowest / 10**_DECADES, highest * 10**_DECADES, _POINTS)]
-    for root in (root for e in elements for root in np.concatenate([e.poles, e.zeros])):
-        if 0 < abs(root.real) < 0.3 * root.imag:
-            near = abs(root.real) * np.geomspace(0.05, 20, 30)
-            parts += [root.imag - near, root.imag + near, np.array([root.imag])]
+    bends = corners_of(elements)
+    low, high = float(bends[0]) / 10**_DECADES, float(bends[-1]) * 10**_DECADES
+    parts = [np.geomspace(low, high, _POINTS), resonances_of(elements)]
     longest = max((element.dead_time for element in elements), default=0.0)
     if longest:
         parts.append(_DEAD_TIME_STEP / longest * np.arange(1, _DEAD_TIME_POINTS))

@@ -134,12 +134,7 @@ def _greatest_integral_gain(
     values = np.array([shape.sampled_limit(k, limits) for k in candidates])
     if np.any(np.isinf(values)) or int(np.argmax(values)) in {0, len(values) - 1}:
         return None
-    best = _search(
-        lambda k: -shape.sampled_limit(k, limits),
-        lambda k: -shape.limit(k, limits),
-        candidates,
-        -values,
-    )
+    best = _search(lambda k: -shape.limit(k, limits), candidates, -values)
     return best[0], -best[1]
 
 
@@ -167,7 +162,7 @@ def _lowest_peaks(
 
     values = np.array([sampled(k) for k in candidates])
     if np.min(values) > _FLAT:
-        return _search(sampled, refined, candidates, values)[0]
+        return _search(refined, candidates, values)[0]
     # Both peaks stay at 1 from some gain on: the least such gain, by bisection.
     flat = candidates[values <= _FLAT]
     high = float(flat[int(np.argmin(np.abs(flat)))])
@@ -180,14 +175,13 @@ def _lowest_peaks(
 
 
 def _search(
-    rough: Callable[[float], float],
     exact: Callable[[float], float],
     candidates: NDArray[np.float64],
     values: NDArray[np.float64],
 ) -> tuple[float, float]:
-    """Minimise `exact` from samples of `rough`: the three best dips are sampled more finely.
+    """Minimise a function from rough values: the three best dips, then golden section.
 
-    Golden section finishes around the best: the functions here have kinks.
+    No derivatives: the functions here have kinks.
     """
     padded = np.concatenate([[math.inf], values, [math.inf]])
     dips = np.flatnonzero((values <= padded[:-2]) & (values <= padded[2:]) & (values < math.inf))
@@ -195,10 +189,10 @@ def _search(
     for dip in dips[np.argsort(values[dips])][:3]:
         left = candidates[max(dip - 1, 0)]
         right = candidates[min(dip + 1, len(candidates) - 1)]
-        points = np.linspace(left, right, 25)
-        finer = [rough(float(k)) for k in points]
+        points = np.linspace(left, right, 17)
+        finer = [exact(float(k)) for k in points]
         best = int(np.argmin(finer))
-        bracket = float(points[max(best - 1, 0)]), float(points[min(best + 1, 24)])
+        bracket = float(points[max(best - 1, 0)]), float(points[min(best + 1, 16)])
         brackets.append((finer[best], bracket))
     return _golden(exact, *min(brackets)[1])
 

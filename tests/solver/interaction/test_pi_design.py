@@ -37,7 +37,10 @@ def _settings(design: PIDesign) -> tuple[float, float]:
 
 def _within(process: WeightedSum, k: float, x: np.ndarray, limits: RobustnessLimits) -> np.ndarray:
     """Whether each integral gain in x (m,) meets the limits and is stable, by plain sampling."""
-    omega = dense_frequencies(process.active_terms)
+    samples = dense_frequencies(process.active_terms)
+    omega = np.exp(
+        np.interp(np.arange(4 * samples.size) / 4, np.arange(samples.size), np.log(samples))
+    )
     L = process.response(omega)[:, None] * (k - 1j * x / omega[:, None])
     F = (1 + L) * (1j * omega / (1 + 1j * omega))[:, None]
     turn = np.unwrap(np.angle(F), axis=0)
@@ -90,9 +93,9 @@ def test_no_grid_point_beats_the_optimum(process: WeightedSum, limits: Robustnes
     """A grid over (k, k_I) has no permitted point above the optimum, and one just below it."""
     design = design_pi(process, limits)
     k, x = _settings(design)
-    higher = x * np.geomspace(1.001, 30, 12)
+    higher = x * np.geomspace(1.001, 30, 8)
     scale = max(abs(k), 0.1)
-    for gain in np.concatenate([np.linspace(-2, 4, 40) * scale, k * np.linspace(0.98, 1.02, 9)]):
+    for gain in np.concatenate([np.linspace(-2, 4, 25) * scale, k * np.linspace(0.98, 1.02, 5)]):
         assert not np.any(_within(process, float(gain), higher, limits))
     loose = RobustnessLimits(limits.max_sensitivity * 1.0001, limits.max_complementary * 1.0001)
     assert _within(process, k, np.array([x * 0.9999]), loose)[0]
@@ -100,7 +103,7 @@ def test_no_grid_point_beats_the_optimum(process: WeightedSum, limits: Robustnes
 
 @given(
     time_constant=st.floats(0.1, 50),
-    second=st.floats(0, 1),
+    second=st.sampled_from([0.0, 0.1, 0.5, 1.0]),
     dead_time=st.floats(0.05, 5),
     sign=st.sampled_from([-1.0, 1.0]),
     scale=st.floats(0.01, 100),
