@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Group, RenderableType
@@ -11,6 +12,7 @@ from rich.text import Text
 
 from service.schemas import RobustnessResult, TuningResult
 from service.schemas.controllers import Loop
+from service.schemas.margins import LoopMargins
 from service.schemas.robustness import Peaks
 from service.schemas.tunings import SearchSummary
 from solver.errors import InvalidInputError
@@ -57,13 +59,16 @@ def tuning_table(result: TuningResult) -> RenderableType:
                 f"{number(result.comparison.gain_percent)} % less."
             )
         )
+    if result.integrity is not None:
+        parts.append(Text(f"{result.integrity[0].upper()}{result.integrity[1:]}."))
+    parts += _proof(result.certificate)
     parts.append(Text(_search(result.search)))
     parts += [Text(f"Warning: {warning}", style="yellow") for warning in result.warnings]
     return Group(*parts)
 
 
-def robustness_table(result: RobustnessResult, loops: Sequence[Loop]) -> RenderableType:
-    """Return an analysis of `loops` as text and tables."""
+def robustness_table(result: RobustnessResult) -> RenderableType:
+    """Return an analysis as text and tables."""
     parts: list[RenderableType] = []
     if result.nominally_stable:
         parts.append(Text("Nominally stable.", style="bold"))
@@ -77,11 +82,15 @@ def robustness_table(result: RobustnessResult, loops: Sequence[Loop]) -> Rendera
         )
     if result.peaks is not None:
         parts.append(_peaks(result.peaks))
-    parts += _forms([(str(index + 1), loop) for index, loop in enumerate(loops)])
     if result.lower_bound is not None:
-        parts.append(
-            Text(f"Lower bound of the robust performance peak: {number(result.lower_bound.value)}")
-        )
+        bound = number(result.lower_bound.value)
+        parts.append(Text(f"A plant in the set reaches {bound}: the lower bound of that peak."))
+    if result.uncertainty_scaling is not None:
+        factor = number(result.uncertainty_scaling)
+        parts.append(Text(f"All plants stay stable up to {factor} times the uncertainty."))
+    parts += _proof(result.certificate)
+    if result.margins:
+        parts.append(_margins(result.margins))
     parts += [Text(f"Warning: {warning}", style="yellow") for warning in result.warnings]
     return Group(*parts)
 
@@ -183,6 +192,36 @@ def _form(symbols: Sequence[str], *, derivative: bool) -> Table:
 
 def _row(table: Table, name: str, *values: float | None) -> None:
     table.add_row(name, *(number(value) for value in values[: len(table.columns) - 1]))
+
+
+def _proof(certificate: Mapping[str, Any] | None) -> Iterator[RenderableType]:
+    if certificate is not None:
+        yield Text(
+            f"Proven: stable, and μ of robust performance at most {certificate['gamma']:.6g} at "
+            f"every frequency ({len(certificate['intervals'])} intervals)."
+        )
+
+
+def _margins(margins: Sequence[LoopMargins]) -> Table:
+    table = Table("margins", "others", box=SIMPLE_HEAD)
+    for heading in ("gain", "phase (°)", "delay", "Ms", "Mt", "bandwidth"):
+        table.add_column(heading, justify="right")
+    for loop in margins:
+        for others, each in (("open", loop.alone), ("closed", loop.together)):
+            if each is None:
+                table.add_row(f"loop {units(loop.units)}", others, "unstable")
+                continue
+            table.add_row(
+                f"loop {units(loop.units)}",
+                others,
+                number(each.gain_increase),
+                number(each.phase_margin),
+                number(each.delay_margin),
+                number(each.sensitivity.value),
+                number(each.complementary_sensitivity.value),
+                number(each.bandwidth),
+            )
+    return table
 
 
 def _peaks(peaks: Peaks) -> Table:

@@ -31,7 +31,7 @@ def mutune(*arguments: str, request: object = None) -> Result:
     return CliRunner().invoke(app, list(arguments), input=text, catch_exceptions=False)
 
 
-def outcome(specification: Specification, status: Status, **fields: Any) -> Tuning:  # noqa: ANN401
+def outcome(specification: Specification, status: Status, **fields: Any) -> Tuning:
     """Return a tuning of this status, with the fields that matter to a test."""
     loops = (Controller(2.0, 5.0),) * specification.plant.n
     found: dict[str, Any] = {
@@ -46,7 +46,7 @@ def outcome(specification: Specification, status: Status, **fields: Any) -> Tuni
     return Tuning(status=status, objective="tau_p", **{**found, **fields})
 
 
-def ending_as(monkeypatch: pytest.MonkeyPatch, status: Status, **fields: Any) -> None:  # noqa: ANN401
+def ending_as(monkeypatch: pytest.MonkeyPatch, status: Status, **fields: Any) -> None:
     """Make the tuner end this way."""
 
     def tune(specification: Specification, progress: object) -> Tuning:
@@ -193,12 +193,15 @@ def test_robustness_prints_the_json_result_alone() -> None:
     assert analysis.peaks.robust_performance.value == pytest.approx(1.00034840, abs=1e-7)
 
 
-def test_robustness_prints_peaks_and_settings() -> None:
-    """The tables show stability, peaks and the loops."""
-    output = mutune("robustness", "-", request=ROBUSTNESS).stdout
+def test_robustness_prints_peaks_margins_and_proof() -> None:
+    """The tables show stability, peaks, the margins of each loop, and what is proven."""
+    output = mutune("robustness", "-", request={**ROBUSTNESS, "certificate": "full"}).stdout
     assert "Nominally stable." in output
     assert re.search(r"robust performance +1\.0003 +0\.031436", output)
-    assert re.search(r"2 +22\.8 +3\.15", output)
+    assert re.search(r"loop 2 +open +- +47\.07", output)
+    proven = re.search(r"at most ([\d.]+) at\s+every frequency", output)
+    assert proven is not None
+    assert 1.0003484 <= float(proven[1]) < 1.001
 
 
 def test_unstable_loops_are_called_unstable() -> None:
