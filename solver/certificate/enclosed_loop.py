@@ -87,11 +87,6 @@ class Loop:
             claim.uncertainty.structure is Structure.FULL,
         )
 
-    @property
-    def scales(self) -> int:
-        """Number of D-scales on each interval."""
-        return 1 if self.full else len(self.controllers)
-
     def X(self, scales: Sequence[float]) -> list[fmpq]:  # noqa: N802 - the matrix X
         """Return the squared D-scale that goes with each of the settings."""
         squares = [exact(scale) ** 2 for scale in scales]

@@ -56,7 +56,7 @@ def examine(loop: Loop, interval: Interval, scales: Sequence[float]) -> Turns | 
     interval : Interval
         Frequencies, rad per time unit.
     scales : sequence of float
-        D-scales d > 0, (`loop.scales`,).
+        D-scales d > 0, one or one a setting.
 
     """
     X = loop.X(scales)

@@ -13,6 +13,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from solver.certificate.reduction import scale_count
 from solver.enclosures import Interval
 from solver.errors import InvalidInputError
 from solver.plants import ParallelPlant
@@ -99,6 +100,12 @@ class Certificate:
 
     def __post_init__(self) -> None:
         self._check_coverage()
+        claim = self.claim
+        count = scale_count(claim.plant, claim.loops, claim.uncertainty.structure)
+        for index, proven in enumerate(self.intervals):
+            if len(proven.scales) != count:
+                message = f"{len(proven.scales)} scales where {count} are needed"
+                raise InvalidInputError(message, f"/intervals/{index}/scales")
 
     def _check_coverage(self) -> None:
         reached = 0.0

@@ -19,6 +19,7 @@ from flint import fmpq
 
 from solver.enclosures import Response
 from solver.plants import ParallelPlant
+from solver.weights import Structure
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from solver.controllers import Controller
     from solver.plants import MatrixPlant, Plant
 
-__all__ = ["Block", "Settings", "blocks", "settings_of"]
+__all__ = ["Block", "Settings", "blocks", "scale_count", "settings_of"]
 
 
 @dataclass(frozen=True)
@@ -77,6 +78,11 @@ def settings_of(plant: Plant, loops: Sequence[Controller]) -> tuple[Settings, ..
     if isinstance(plant, ParallelPlant):
         return tuple(Settings(*pair) for pair in Counter(loops).items())
     return tuple(Settings(controller, 1) for controller in loops)
+
+
+def scale_count(plant: Plant, loops: Sequence[Controller], structure: Structure) -> int:
+    """Return the number of D-scales: one for a full block of uncertainty."""
+    return 1 if structure is Structure.FULL else len(settings_of(plant, loops))
 
 
 def blocks(plant: Plant, settings: Sequence[Settings]) -> tuple[Block, ...]:

@@ -82,9 +82,8 @@ def check(certificate: Certificate) -> Verification:
 
     Raises
     ------
-    InvalidInputError
-        An interval has the wrong number of scales, or the plant is not open-loop stable
-        (integrators apart).
+    UnsupportedPlantError
+        The plant is unstable in open loop.
 
     """
     loop = Loop.of(certificate.claim)
@@ -92,9 +91,6 @@ def check(certificate: Certificate) -> Verification:
     turns = []
     with ctx.workprec(PRECISION):
         for index, proven in enumerate(certificate.intervals):
-            if len(proven.scales) != loop.scales:
-                message = f"{len(proven.scales)} scales where {loop.scales} are needed"
-                raise InvalidInputError(message, f"/intervals/{index}/scales")
             found = examine(loop, proven.interval, proven.scales)
             if isinstance(found, Gap):
                 return Verification(
@@ -109,7 +105,9 @@ def check(certificate: Certificate) -> Verification:
         poles = unstable_poles(loop, turns)
     if poles != 0:
         reason = (
-            "stability is undecided" if poles is None else f"{poles} closed-loop poles unstable"
+            "stability is undecided"
+            if poles is None
+            else f"{poles} of the closed-loop poles are unstable"
         )
         return Verification(Verdict.UNSTABLE, gamma, count, reason, "/loops")
     return Verification(Verdict.PROVEN, gamma, count)

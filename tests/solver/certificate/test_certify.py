@@ -158,7 +158,7 @@ CASES = {
         (Controller(0.15, 20), Controller(0.2, 25)),
     ),
     "integrating, one mode only": (
-        ParallelPlant(3, TransferFunction([1, 1], [1, 0.1, 0]), TransferFunction([1], [0.1, 0])),
+        ParallelPlant(3, TransferFunction([11, 1], [1, 0.1, 0]), TransferFunction([1], [0.1, 0])),
         80.0,
         (Controller(0.02, 300),) * 3,
     ),
@@ -215,13 +215,14 @@ def test_unstable_loops_have_no_certificate() -> None:
     assert failure.unstable_poles > 0
 
 
-def test_a_level_that_mu_touches_is_left_unresolved_or_exceeded() -> None:
-    """A level equal to the static value of mu cannot be proven, and the search ends."""
-    plant = first_order(1, 1, 100, 0)
-    task = (plant, UNCERTAINTY, Performance(offset=0.5, tau_p=5000.0), (Controller(0.5, 100),))
-    static = mu_over(np.array([1e-9]), *task)[0]
-    assert mu_over(np.geomspace(1e-7, 1e3, 2000), *task).max() <= static * (1 + 1e-9)
-    assert isinstance(certify(Claim(*task, float(static) * (1 - 1e-13))), CertificateFailure)
+def test_a_pole_at_the_origin_leaves_the_claim_unresolved() -> None:
+    """With a = 1 the integrators' difference acts on nothing; the search ends near s = 0."""
+    task = (first_order(2, 1, 100, 1.0), UNCERTAINTY, Performance(offset=0.1, tau_p=100.0))
+    failure = certify(Claim(*task, (Controller(10, 100), Controller(9, 100)), 20.0))
+    assert isinstance(failure, CertificateFailure)
+    assert failure.obstacle is Obstacle.UNRESOLVED
+    assert failure.omega is not None
+    assert failure.omega < 1e-10
 
 
 def test_plants_that_are_unstable_in_open_loop_are_refused() -> None:
