@@ -11,7 +11,7 @@ import { transferFunction } from "./symbols.js";
 /** @typedef {{node: HTMLElement, error: HTMLElement, controls: HTMLElement[]}} Slot */
 
 /** Parts that most people leave as they are. */
-const FOLDED = new Set(["search", "bounds"]);
+const FOLDED = new Set(["search", "bounds", "scenario"]);
 /** Fields that make sense with certain values of others only. @type {Record<string, (value: any) => boolean>} */
 const RELEVANT = {
   "/controller/group_sizes": (value) => value.controller?.arrangement === "grouped",

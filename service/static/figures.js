@@ -1,7 +1,7 @@
 /** Plotly, loaded when a figure is first wanted, under a policy that permits no inline style. */
 
 import { request } from "./api.js";
-import { h } from "./dom.js";
+import { h, put } from "./dom.js";
 import { timeUnit } from "./format.js";
 import { takes } from "./schema.js";
 
@@ -46,17 +46,32 @@ export function loadPlotly() {
   return plotly;
 }
 
+/**
+ * Fetch figures and draw them; what fails is told in their place.
+ * @param {HTMLElement} place @param {Promise<Figures>} answer @param {string} name of the files saved
+ */
+export async function showFigures(place, answer, name) {
+  try {
+    await drawFigures(place, await answer, name);
+  } catch (error) {
+    if (place.isConnected) put(place, h("p", { class: "error" }, /** @type {Error} */ (error).message));
+  }
+}
+
 /** @param {string} path @param {string} [method] @param {unknown} [body] @param {string} [declared] the path in the document */
 export function fetchFigures(path, method = "GET", body, declared = path) {
   const query = takes(declared, "unit", method.toLowerCase()) ? `?unit=${encodeURIComponent(timeUnit())}` : "";
   return request(method, path + query, { body });
 }
 
+/** The figures of a tuning. @param {string} id */
+export const figuresOf = (id) => fetchFigures(`/v1/tunings/${id}/figures`, "GET", undefined, "/v1/tunings/{job_id}/figures");
+
 /**
  * Draw figures one after another, so that the page stays usable meanwhile.
  * @param {HTMLElement} place @param {Figures} answer @param {string} name of the files saved
  */
-export async function drawFigures(place, { templates, figures }, name) {
+async function drawFigures(place, { templates, figures }, name) {
   const frames = Object.entries(figures).map(([kind, figure]) => {
     const plot = h("div", { class: "plot" });
     const { title = kind, description = "" } = figure.layout.meta ?? {};

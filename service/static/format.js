@@ -84,7 +84,9 @@ export function unitText(kind) {
     case "rad/time": return `rad/${time}`;
     case "gain": return "output/input";
     case "s": return "s";
-    default: return "";
+    case "1":
+    case "powers of time": return "";
+    default: return kind ?? "";
   }
 }
 

@@ -2,7 +2,7 @@
 
 import { FINAL, pause, request } from "./api.js";
 import { h, table } from "./dom.js";
-import { drawFigures, fetchFigures } from "./figures.js";
+import { figuresOf, showFigures } from "./figures.js";
 import { clock, label, number, setTimeUnit, unitOf } from "./format.js";
 import { chipOf } from "./job.js";
 import { summary } from "./record.js";
@@ -23,7 +23,7 @@ function line(job) {
 }
 
 /** @param {View} view */
-export async function historyView({ main, signal }) {
+export async function historyView({ main, signal, keep }) {
   const place = h("div", {});
   const more = h("button", { type: "button", hidden: true }, "Earlier ones");
   const compare = h("button", { type: "button", disabled: true }, "Compare the two chosen");
@@ -56,7 +56,13 @@ export async function historyView({ main, signal }) {
   more.addEventListener("click", () => (pages++, load()));
   main.replaceChildren(h("header", { class: "lead" }, h("h1", { tabindex: "-1" }, "History")),
     h("section", { class: "card" }, place, h("div", { class: "buttons" }, compare, more)));
-  while ((await load()) && !signal.aborted) await pause(2000);
+  const running = await load();
+  if (running) keep(poll());
+
+  async function poll() {
+    do await pause(2000);
+    while (!signal.aborted && (await load()));
+  }
 }
 
 /** @param {any} value @param {string} [pointer] @returns {[string, string][]} */
@@ -116,7 +122,6 @@ export async function compareView({ main, signal, go }, query) {
   });
   columns.replaceChildren(...sides.map(({ place }) => place));
   for (const { job, place } of sides) {
-    const answer = await fetchFigures(`/v1/tunings/${job.id}/figures`, "GET", undefined, "/v1/tunings/{job_id}/figures");
-    await drawFigures(place, answer, `mutune-${job.id.slice(0, 8)}`);
+    await showFigures(place, figuresOf(job.id), `mutune-${job.id.slice(0, 8)}`);
   }
 }

@@ -19,7 +19,7 @@ const MEANING = /** @type {Record<string, string>} */ ({
 export const chipOf = (status) => h("span", { class: `status ${status}` }, label(status));
 
 /** @param {View} view @param {string} id @param {URLSearchParams} query */
-export async function jobView({ main, signal }, id, query) {
+export async function jobView({ main, signal, keep }, id, query) {
   setTimeUnit(query.get("unit") ?? unitOf(id) ?? "time units");
   const job = await request("GET", `/v1/tunings/${id}`, { signal });
   const { title, aim } = summary(job.request);
@@ -40,12 +40,10 @@ export async function jobView({ main, signal }, id, query) {
   const meter = progress(job, () => request("DELETE", `/v1/tunings/${id}`, { signal }));
   const asked = h("section", { class: "card" }, h("h2", {}, "Plant"), plantFormula(job.request.plant));
   put(body, h("div", { class: "cards" }, meter.node, asked));
-  const last = await follow(id, (now) => {
+  keep(follow(id, (now) => {
     chip.replaceChildren(chipOf(now.status));
     meter.update(now);
-  }, signal);
-  meter.stop();
-  ended(last);
+  }, signal).then(ended).finally(meter.stop));
 }
 
 /** @param {any} job @param {() => Promise<any>} cancel */

@@ -8,7 +8,8 @@ import { jobView } from "./job.js";
 import { requestView } from "./request.js";
 import { analyses, exists, loadSchema } from "./schema.js";
 
-/** @typedef {{main: HTMLElement, signal: AbortSignal, go: (hash: string) => void}} View */
+/** @typedef {{main: HTMLElement, signal: AbortSignal, go: (hash: string) => void, keep: (work: Promise<any>) => void}} View
+ * `keep` minds work that goes on after the view stands there */
 
 const main = /** @type {HTMLElement} */ (document.querySelector("main"));
 const banner = /** @type {HTMLElement} */ (document.querySelector("#connection"));
@@ -44,18 +45,15 @@ async function route() {
     if (own) link.setAttribute("aria-current", "page");
     else link.removeAttribute("aria-current");
   }
-  const view = { main, signal, go: (hash) => { location.hash = hash; } };
-  main.setAttribute("aria-busy", "true");
-  try {
-    await loadSchema();
-    await show(view, path, new URLSearchParams(query));
-  } catch (error) {
+  const failed = (error) => {
     if (signal.aborted) return;
     if (!(error instanceof Problem)) throw error;
     main.replaceChildren(h("section", { class: "card hero missed" }, h("h1", { tabindex: "-1" }, error.title), h("p", {}, error.message)));
-  } finally {
-    if (!signal.aborted) arrived();
-  }
+  };
+  const view = { main, signal, go: (hash) => { location.hash = hash; }, keep: (work) => void work.catch(failed) };
+  main.setAttribute("aria-busy", "true");
+  await loadSchema().then(() => show(view, path, new URLSearchParams(query))).catch(failed);
+  if (!signal.aborted) arrived();
 }
 
 /** Tell where we are: to the title, and to those who do not see the page. */

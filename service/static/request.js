@@ -3,7 +3,7 @@
 import { newKey, Problem, request } from "./api.js";
 import { download, h } from "./dom.js";
 import { Form } from "./fields.js";
-import { drawFigures, fetchFigures } from "./figures.js";
+import { fetchFigures, showFigures } from "./figures.js";
 import { label, rememberUnit, setTimeUnit, timeUnit, unitOf } from "./format.js";
 import { record } from "./record.js";
 import { exists, faults, initial, operation, resolve } from "./schema.js";
@@ -112,7 +112,7 @@ export async function requestView({ main, signal, go }, path, { from, title }) {
 function answered(op, answer) {
   const figures = h("div", { class: "figures" });
   const path = `/v1/figures/${op.name}`;
-  if (exists(path)) fetchFigures(path, "POST", answer).then((found) => drawFigures(figures, found, op.name));
+  if (exists(path)) showFigures(figures, fetchFigures(path, "POST", answer), op.name);
   const save = () => download(`${op.name}.json`, JSON.stringify(answer, null, 2), "application/json");
   return h("div", {}, figures, record(answer, op.output, "result"),
     h("p", {}, h("button", { type: "button", class: "quiet", onclick: save }, "Download JSON")));

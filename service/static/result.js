@@ -3,7 +3,7 @@
 import { request } from "./api.js";
 import { copy, download, h, put, table } from "./dom.js";
 import { segments } from "./fields.js";
-import { drawFigures, fetchFigures } from "./figures.js";
+import { figuresOf, showFigures } from "./figures.js";
 import { duration, label, number, timeUnit, unitTag, unitText } from "./format.js";
 import { analyses, exists, operation, resolve } from "./schema.js";
 
@@ -80,8 +80,7 @@ export function resultView(body, job) {
     actions(job), figures,
     h("div", { class: "cards" }, found ? optima(result) : null, inputs(job)));
   if (exists("/v1/tunings/{job_id}/figures", "get")) {
-    fetchFigures(`/v1/tunings/${id}/figures`, "GET", undefined, "/v1/tunings/{job_id}/figures")
-      .then((answer) => drawFigures(figures, answer, `mutune-${id.slice(0, 8)}`));
+    showFigures(figures, figuresOf(id), `mutune-${id.slice(0, 8)}`);
   }
 }
 

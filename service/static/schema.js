@@ -37,7 +37,7 @@ export function operation(path) {
 /** @returns {Operation[]} what is answered within the request */
 export const analyses = () =>
   Object.keys(openapi.paths)
-    .filter((path) => openapi.paths[path].post?.tags?.includes("analyses"))
+    .filter((path) => /^\/v1\/[^/]+$/.test(path) && openapi.paths[path].post?.tags?.includes("analyses"))
     .map(operation);
 
 /**

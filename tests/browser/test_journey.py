@@ -1,0 +1,195 @@
+"""From an empty form to settings on file, and the ways that this can go wrong."""
+
+import csv
+from collections.abc import Callable
+from pathlib import Path
+
+from playwright.sync_api import Locator, Page, expect
+from running import Service
+from watching import Watched
+
+ENTRIES = {
+    "/plant/n": "2",
+    "/plant/gain": "1",
+    "/plant/time_constant": "100",
+    "/plant/interaction": "0,949",
+    "/uncertainty/epsilon": "0.2",
+    "/uncertainty/theta": "1",
+}
+TUNING_SECONDS = 60_000  # milliseconds; it takes two seconds, on a busy machine more
+
+
+def field(page: Page, pointer: str) -> Locator:
+    """Return the field of a value of the request."""
+    return page.locator(f"[data-pointer='{pointer}'] input")
+
+
+def start(page: Page) -> None:
+    """Press the button, and wait for the job's own view."""
+    page.get_by_role("button", name="Start tuning").click()
+    page.wait_for_url("**/#/tunings/*")
+
+
+def start_a_long_one(watched: Watched) -> Page:
+    """Start a tuning that lasts as long as a test wants, and wait for its first progress."""
+    page = watched.page
+    watched.go("#/")
+    field(page, "/plant/n").fill("4")
+    page.get_by_label("PID", exact=True).check()
+    page.get_by_text("Search", exact=True).click()
+    field(page, "/search/starts").fill("1000")
+    start(page)
+    expect(page.get_by_text("% of the search")).to_be_visible()
+    return page
+
+
+def test_from_an_empty_form_to_a_report(watched: Watched, tmp_path: Path) -> None:
+    """An engineer types a plant, gets settings, checks, copies and files them."""
+    page = watched.page
+    watched.go("#/")
+    page.get_by_role("button", name="Empty form").click()
+    assert field(page, "/uncertainty/epsilon").input_value() == ""
+    page.get_by_label("First order").check()
+    for pointer, value in ENTRIES.items():
+        field(page, pointer).fill(value)
+    page.get_by_label("Unit of time").fill("h")
+    watched.inspect("form")
+    start(page)
+
+    hero = page.locator(".hero")
+    expect(hero).to_contain_text("that holds for every plant", timeout=TUNING_SECONDS)
+    assert float(hero.locator(".big").inner_text()) <= 18.46
+    expect(hero).to_contain_text("h")
+    expect(hero.locator(".gain")).to_contain_text("28.4 % faster")
+    expect(page.get_by_role("region", name="Peaks")).to_have_count(0)
+    for form, column in (("Ideal", "Integral time, h"), ("Parallel", "Integral gain, 1/h")):
+        page.get_by_label(form, exact=True).check()
+        expect(page.get_by_role("columnheader", name=column, exact=True)).to_be_visible()
+
+    page.get_by_role("button", name="Copy table").click()
+    expect(page.get_by_text("Copied, all digits.")).to_be_visible()
+    copied = page.evaluate("navigator.clipboard.readText()")
+    assert copied.splitlines()[0].startswith("Unit\tProportional gain\tIntegral gain")
+
+    with page.expect_download() as download:
+        page.get_by_role("button", name="CSV").click()
+    download.value.save_as(tmp_path / "settings.csv")
+    with (tmp_path / "settings.csv").open(newline="") as file:
+        rows = list(csv.reader(file))
+    assert [row[0] for row in rows] == ["Unit", "1", "2"]
+    assert 40 < float(rows[1][1]) < 55
+
+    expect(page.locator("figure .plot svg.main-svg").first).to_be_visible()
+    expect(page.locator("figure:not(:has(svg.main-svg))")).to_have_count(0)
+    watched.inspect("result")
+    with page.expect_download() as download:
+        page.locator("figure .modebar-btn[data-title='Save as PNG']").first.click()
+    assert download.value.suggested_filename.endswith(".png")
+
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Download report").click()
+    download.value.save_as(tmp_path / "report.html")
+    assert "Robust performance" in (tmp_path / "report.html").read_text(encoding="utf-8")
+
+
+def test_an_infeasible_plant_says_why(watched: Watched) -> None:
+    """A singular plant ends with the reason and with advice."""
+    page = watched.page
+    watched.go("#/")
+    field(page, "/plant/interaction").fill("1")
+    start(page)
+    expect(page.get_by_text("the gain matrix is singular")).to_be_visible(timeout=TUNING_SECONDS)
+    expect(page.get_by_role("heading", name="What to try")).to_be_visible()
+    expect(page.locator(".status")).to_have_text("Infeasible")
+    watched.inspect("infeasible")
+
+
+def test_a_wrong_value_is_shown_beside_its_field_and_not_sent(watched: Watched) -> None:
+    """What the schema forbids is told while typing; the button leads to the field."""
+    page = watched.page
+    watched.go("#/")
+    gain, units = field(page, "/plant/gain"), field(page, "/plant/n")
+    gain.fill("one")
+    units.fill("0")
+    expect(gain).to_have_accessible_description(
+        "Static gain k of a unit, not zero. Enter a number."
+    )
+    page.get_by_role("button", name="Start tuning").click()
+    expect(page.get_by_role("alert")).to_have_text("2 fields need attention.")
+    expect(units).to_have_accessible_description("Number of identical parallel units. At least 1.")
+    expect(units).to_be_focused()
+    watched.inspect("field-errors")
+    assert f"{watched.url}/v1/tunings" not in watched.requests
+    units.fill("2")
+    expect(units).to_have_accessible_description("Number of identical parallel units.")
+
+
+def test_what_the_service_refuses_is_shown_beside_its_field(watched: Watched) -> None:
+    """A fault that only the mathematics can see comes back to its field."""
+    watched.permit("status of 422")
+    page = watched.page
+    watched.go("#/")
+    page.get_by_label("Grouped").check()
+    sizes = field(page, "/controller/group_sizes")
+    sizes.fill("1 2")
+    page.get_by_role("button", name="Start tuning").click()
+    expect(sizes).to_be_focused()
+    expect(page.locator("[data-pointer='/controller/group_sizes'] .error")).to_contain_text("sum")
+    sizes.fill("1 1")
+    expect(page.locator("[data-pointer='/controller/group_sizes'] .error")).to_be_empty()
+
+
+def test_a_running_job_survives_a_reload_and_can_be_cancelled(watched: Watched) -> None:
+    """The job's address is its own; cancelling takes effect at once."""
+    page = start_a_long_one(watched)
+    watched.inspect("progress")
+    page.reload()
+    expect(page.get_by_text("% of the search")).to_be_visible()
+    page.get_by_role("button", name="Cancel").click()
+    expect(page.get_by_text("was cancelled")).to_be_visible()
+    watched.inspect("cancelled")
+    page.get_by_role("link", name="Change and run again").click()
+    expect(field(page, "/search/starts")).to_have_value("1000")
+
+
+def test_two_tabs_see_the_same_job(
+    watch: Callable[[Service], Watched], service: Service, watched: Watched
+) -> None:
+    """What is cancelled in one tab ends in the other."""
+    page = start_a_long_one(watched)
+    other = watch(service)
+    other.page.goto(page.url)
+    expect(other.page.get_by_text("% of the search")).to_be_visible()
+    other.page.get_by_role("button", name="Cancel").click()
+    expect(page.get_by_text("was cancelled")).to_be_visible()
+
+
+def test_a_restarted_service_goes_on_with_the_job(
+    watch: Callable[[Service], Watched], tmp_path: Path
+) -> None:
+    """The page says that the connection is lost, and goes on when it is back."""
+    service = Service(tmp_path)
+    service.start()
+    try:
+        watched = watch(service)
+        watched.permit("ERR_CONNECTION_REFUSED")
+        watched.permit("ERR_INCOMPLETE_CHUNKED_ENCODING")
+        page = start_a_long_one(watched)
+        banner = page.get_by_text("The connection to the service is lost.")
+        service.stop()
+        expect(banner).to_be_visible()
+        watched.inspect("lost-connection")
+        service.start()
+        expect(banner).to_be_hidden(timeout=TUNING_SECONDS)
+        expect(page.get_by_text("% of the search")).to_be_visible(timeout=TUNING_SECONDS)
+        page.get_by_role("button", name="Cancel").click()
+        expect(page.get_by_text("was cancelled")).to_be_visible(timeout=TUNING_SECONDS)
+    finally:
+        service.stop()
+
+
+def test_a_job_that_nobody_knows(watched: Watched) -> None:
+    """A wrong address ends with the service's words, not with an empty page."""
+    watched.permit("status of 404")
+    watched.go(f"#/tunings/{'0' * 32}")
+    expect(watched.page.get_by_role("heading", name="Not found")).to_be_visible()

@@ -1,0 +1,182 @@
+"""The other views: history, comparison, analyses, the key, and what the page weighs."""
+
+import json
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import httpx
+import pytest
+from playwright.sync_api import expect
+from running import MUTUNE, Service
+from watching import ROOT, Watched
+
+STATIC = ROOT / "service" / "static"
+DOCUMENT = json.loads((ROOT / "openapi" / "openapi.json").read_text(encoding="utf-8"))
+ANALYSES = [
+    path.removeprefix("/v1/")
+    for path, operations in DOCUMENT["paths"].items()
+    if "analyses" in operations.get("post", {}).get("tags", [])
+]
+EXAMPLE = json.loads((ROOT / "examples" / "parallel_reactors.json").read_text(encoding="utf-8"))
+
+
+@pytest.fixture(scope="module")
+def tuned(service: Service) -> tuple[str, str]:
+    """Return the ids of two finished tunings, of identical and of independent settings."""
+    ids = []
+    for arrangement in ("identical", "independent"):
+        request = {**EXAMPLE, "controller": {"kind": "PI", "arrangement": arrangement}}
+        job = httpx.post(
+            f"{service.url}/v1/tunings",
+            json=request,
+            headers={"Prefer": "wait=60"},
+            timeout=90,
+        ).json()
+        assert job["status"] == "succeeded"
+        ids.append(job["id"])
+    return ids[0], ids[1]
+
+
+def test_history_leads_to_a_comparison(watched: Watched, tuned: tuple[str, str]) -> None:
+    """Two tunings of the history are put side by side, with what differs between their requests."""
+    page = watched.page
+    watched.go("#/tunings")
+    for job_id in tuned:
+        page.locator(f"tr:has([href$='{job_id}'])").get_by_role("checkbox").check()
+    watched.inspect("history")
+    page.get_by_role("button", name="Compare the two chosen").click()
+    results = page.get_by_role("row", name="Time constant")
+    expect(results).to_contain_text("25.77")
+    expect(results).to_contain_text("18.4")
+    expect(page.get_by_role("row", name="Arrangement")).to_contain_text("identical")
+    expect(page.locator("figure:not(:has(svg.main-svg))")).to_have_count(0)
+    watched.inspect("compare")
+
+
+def test_a_link_opens_a_result_with_its_unit(watched: Watched, tuned: tuple[str, str]) -> None:
+    """A link that was copied shows the same result in another browser, in the same unit."""
+    watched.go(f"#/tunings/{tuned[1]}?unit=weeks")
+    expect(watched.page.locator(".hero")).to_contain_text("weeks")
+    watched.page.get_by_role("button", name="Copy link").click()
+    expect(watched.page.get_by_role("button", name="Link copied")).to_be_visible()
+    copied = watched.page.evaluate("navigator.clipboard.readText()")
+    assert copied == f"{watched.url}/#/tunings/{tuned[1]}?unit=weeks"
+
+
+def test_tuned_settings_are_handed_to_an_analysis(watched: Watched, tuned: tuple[str, str]) -> None:
+    """The link from a result fills the form with the plant and the loops."""
+    page = watched.page
+    watched.go(f"#/tunings/{tuned[1]}")
+    page.get_by_role("link", name="Robustness").click()
+    job = httpx.get(f"{watched.url}/v1/tunings/{tuned[1]}").json()
+    time = job["result"]["loops"][0]["integral_time"]
+    expect(page.get_by_label("Integral time").first).to_have_value(str(time))
+    page.get_by_role("button", name="Analyse").click()
+    expect(page.get_by_role("row", name="Robust performance")).to_contain_text("1")
+
+
+@pytest.mark.parametrize("name", ANALYSES)
+def test_each_analysis_answers_its_first_example(watched: Watched, name: str) -> None:
+    """The form of each analysis is made from its schema, and its example gives a result."""
+    page = watched.page
+    watched.go(f"#/analyses/{name}")
+    page.locator(".chip").first.click()
+    watched.inspect(f"{name}-form")
+    page.get_by_role("button", name="Analyse").click()
+    expect(page.locator(".outcome section").first).to_be_visible()
+    expect(page.locator("figure:not(:has(svg.main-svg))")).to_have_count(0)
+    watched.inspect(f"{name}-result")
+
+
+def test_list_of_analyses(watched: Watched) -> None:
+    """Every analysis of the service is one link away."""
+    watched.go("#/analyses")
+    assert watched.page.locator("main ul a").count() == len(ANALYSES)
+    watched.inspect("analyses")
+
+
+def test_every_form_of_a_plant(watched: Watched) -> None:
+    """Each kind of plant has its fields, and the matrix grows and shrinks."""
+    page = watched.page
+    watched.go("#/")
+    page.get_by_label("Parallel", exact=True).check()
+    expect(page.get_by_label("Denominator")).to_have_count(2)
+    page.get_by_label("Weight w(s)").check()
+    expect(page.get_by_label("Denominator")).to_have_count(3)
+    watched.inspect("form-parallel")
+    page.get_by_label("Matrix").check()
+    page.get_by_label("Size").fill("3")
+    page.get_by_label("Size").blur()
+    expect(page.get_by_label("Numerator")).to_have_count(10)
+    watched.inspect("form-matrix")
+
+
+def test_keyboard_alone_starts_a_tuning(watched: Watched) -> None:
+    """Skip link, fields and the Enter key are enough."""
+    page = watched.page
+    watched.go("#/")
+    page.keyboard.press("Tab")
+    expect(page.get_by_text("Skip to the content")).to_be_focused()
+    page.get_by_label("Dead time").focus()
+    page.keyboard.press("Enter")
+    page.wait_for_url("**/#/tunings/*")
+    expect(page.get_by_role("heading", level=1)).to_be_focused()
+
+
+def test_the_service_asks_for_a_key(watch: Callable[[Service], Watched], tmp_path: Path) -> None:
+    """Where the service has keys, the page asks for one, and again where it is wrong."""
+    environment = {"MUTUNE_API_KEYS_FILE": str(tmp_path / "keys.json")}
+    created = subprocess.run(  # noqa: S603 - our own command
+        [MUTUNE, "keys", "create", "browser"],
+        env=environment,
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    key = created.stdout.split()[-1]
+    service = Service(tmp_path, **environment)
+    service.start()
+    try:
+        watched = watch(service)
+        watched.permit("status of 401")
+        page = watched.page
+        page.goto(f"{service.url}/#/tunings")
+        dialog = page.get_by_role("dialog")
+        dialog.get_by_label("API key").fill("wrong")
+        watched.inspect("key")
+        dialog.get_by_role("button").click()
+        expect(dialog.get_by_label("API key")).to_be_empty()
+        dialog.get_by_label("API key").fill(key)
+        dialog.get_by_role("button").click()
+        expect(page.get_by_text("No tuning yet.")).to_be_visible()
+    finally:
+        service.stop()
+
+
+def test_first_paint_does_not_wait_for_plotly(watched: Watched) -> None:
+    """The form needs the page's own files alone, a hundred kilobytes."""
+    watched.go("#/")
+    assert not [url for url in watched.requests if "plotly" in url]
+    assert sum(file.stat().st_size for file in STATIC.iterdir()) < 100_000
+
+
+def test_page_stays_small() -> None:
+    """The whole of the page is under 1,500 lines, in modules of under 300."""
+    lines = {file.name: len(file.read_text("utf-8").splitlines()) for file in STATIC.iterdir()}
+    assert max(lines.values()) < 300, lines
+    assert sum(count for name, count in lines.items() if name.endswith((".js", ".html"))) < 1500
+
+
+def test_files_are_kept_for_ever_and_the_page_is_not(service: Service) -> None:
+    """Assets are immutable under URLs that name their content; unknown ones are not there."""
+    page = httpx.get(service.url)
+    assert page.headers["cache-control"] == "no-cache"
+    assert "unsafe" not in page.headers["content-security-policy"]
+    sources = [part.split('"')[0] for part in page.text.split('"/assets/')[1:]]
+    assert sources
+    for source in sources:
+        answer = httpx.get(f"{service.url}/assets/{source}")
+        assert answer.status_code == 200
+        assert "immutable" in answer.headers["cache-control"]
+    assert httpx.get(f"{service.url}/assets/{sources[0]}.map").status_code == 404
