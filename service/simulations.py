@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.schemas.drawn import DrawnStepResponse, DrawnUnits
-from service.schemas.encoding import encode
 from service.tuned import Setting, Tuned
 from solver.controllers import Controller
 from solver.plants import Plant
@@ -63,11 +62,11 @@ def together(tuned: Tuned, direction: NDArray[np.float64]) -> Case:
     duration = _duration(tuned, _simulate(plant, tuned.loops, direction, _longest(tuned)))
     worst = _worst_actuators(tuned, plant, tuned.loops)
     return Case(
-        nominal=_drawn(_simulate(plant, tuned.loops, direction, duration)),
+        nominal=DrawnStepResponse.of(_simulate(plant, tuned.loops, direction, duration)),
         worst=None
         if worst is None
-        else _drawn(_simulate(plant, tuned.loops, direction, duration, worst)),
-        identical=_drawn(_simulate(plant, tuned.identical, direction, duration))
+        else DrawnStepResponse.of(_simulate(plant, tuned.loops, direction, duration, worst)),
+        identical=DrawnStepResponse.of(_simulate(plant, tuned.identical, direction, duration))
         if tuned.identical
         else None,
     )
@@ -107,7 +106,7 @@ def alone(tuned: Tuned) -> Case:
     if tuned.identical:
         plant, loops = subsystem(tuned.plant, tuned.identical, (0,))
         if is_stable(plant, loops):
-            identical = _drawn(_simulate(plant, loops, step, duration))
+            identical = DrawnStepResponse.of(_simulate(plant, loops, step, duration))
     return Case(_merged(nominal), _merged(worst) if worst else None, identical)
 
 
@@ -148,13 +147,9 @@ def _worst_actuators(tuned: Tuned, plant: Plant, loops: Sequence[Controller]) ->
     return worst_actuators(plant, loops, tuned.uncertainty, tuned.performance)
 
 
-def _drawn(response: StepResponse) -> DrawnStepResponse:
-    return DrawnStepResponse.model_validate(encode(response))
-
-
 def _merged(runs: Sequence[tuple[Setting, StepResponse]]) -> DrawnStepResponse:
     """Return runs of single loops over the same time as one response."""
-    drawn = [(setting, _drawn(response)) for setting, response in runs]
+    drawn = [(setting, DrawnStepResponse.of(response)) for setting, response in runs]
     return DrawnStepResponse(
         time=drawn[0][1].time if drawn else [],
         responses=[

@@ -5,17 +5,59 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from service.schemas.robustness import Peaks
+from service.schemas.tunings import TuningResult
 from solver.controllers import Controller
 from solver.errors import InvalidInputError
 
-__all__ = ["TIME_UNIT", "Form", "forms", "loops_text", "number", "units_text"]
+__all__ = [
+    "OBJECTIVES",
+    "TIME_UNIT",
+    "Form",
+    "forms",
+    "headline",
+    "loops_text",
+    "number",
+    "peak_rows",
+    "units_text",
+]
 
 TIME_UNIT = "time unit"  # what the caller's unit of time is called where it has no name
+OBJECTIVES = {"tau_p": "closed-loop time constant τP", "mu": "peak of μ"}
+_PEAKS = (
+    ("robust performance", "robust_performance"),
+    ("robust stability", "robust_stability"),
+    ("nominal performance", "nominal_performance"),
+)
 
 
 def number(value: float | None) -> str:
     """Return `value` with five digits, or a dash."""
     return "-" if value is None else f"{value:.5g}"
+
+
+def headline(result: TuningResult, unit: str = TIME_UNIT) -> str:
+    """Return in one sentence what was found, or why nothing was."""
+    if not result.loops:
+        where = f" (at ω = {number(result.omega)} rad/{unit})" if result.omega else ""
+        return f"No settings: {result.reason or 'none were found'}{where}."
+    found = f"Closed-loop time constant τP = {number(result.tau_p)} {unit}"
+    if result.objective == "mu" and result.peaks is not None:
+        peak = result.peaks.robust_performance.value
+        found = f"Peak of μ = {number(peak)} at τP = {number(result.tau_p)} {unit}"
+    ended = "" if result.status == "optimal" else ", the best up to the time limit"
+    return f"{found}{ended}."
+
+
+def peak_rows(peaks: Peaks | None) -> list[tuple[str, str, str]]:
+    """Return name, height and frequency of each peak of mu."""
+    if peaks is None:
+        return []
+    found = [(name, getattr(peaks, field)) for name, field in _PEAKS]
+    return [
+        (name, "-" if peak.value is None else f"{peak.value:.5f}", number(peak.omega))
+        for name, peak in found
+    ]
 
 
 def units_text(units: Sequence[int]) -> str:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from service.figures.panels import Panels
 from service.figures.style import IDENTICAL, NEUTRAL, THIN, frequency_title, line, log_axis
-from service.schemas.encoding import encode
+from service.schemas.drawn import DrawnCurves
 from service.schemas.robustness import Curves, Peak, Peaks
 from service.tuned import Tuned
 from service.wording import TIME_UNIT, number
@@ -114,7 +114,7 @@ def tuned_mu(tuned: Tuned) -> go.Figure:
     identical = None
     if tuned.identical:
         analysis = _analysis(tuned, tuned.identical)
-        identical = Curves.model_validate(encode(analysis.curves(np.array(curves.omega))))
+        identical = DrawnCurves.of(analysis.curves(np.array(curves.omega)))
     return mu(curves, peaks, identical=identical, unit=tuned.unit)
 
 

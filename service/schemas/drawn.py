@@ -11,6 +11,8 @@ from typing import Annotated, Any, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from service.schemas.complex import Complex
+from service.schemas.encoding import encode
 from service.schemas.fields import Frequency
 from service.schemas.robustness import Curves, Peak, Peaks
 
@@ -38,6 +40,11 @@ class Drawn(BaseModel):
     """Base of what is drawn: unknown fields are passed over, the known ones must be right."""
 
     model_config = ConfigDict(extra="ignore", strict=True, frozen=True, allow_inf_nan=False)
+
+    @classmethod
+    def of(cls, record: object) -> Self:
+        """Return what is drawn of a record of the solver."""
+        return cls.model_validate(encode(record))
 
 
 def _require_length(wanted: Sequence[Any], **series: Sequence[Any] | None) -> None:
@@ -73,13 +80,6 @@ class DrawnRobustness(Drawn):
     lower_bound: Peak | None = Field(
         default=None, description="Lower bound of the robust performance peak.", examples=[None]
     )
-
-
-class Complex(Drawn):
-    """A complex number; null where it does not exist."""
-
-    re: float | None = Field(description="Real part.", examples=[1.0])
-    im: float | None = Field(description="Imaginary part.", examples=[0.0])
 
 
 ComplexSeries = Annotated[list[Complex], Field(max_length=_MAX_POINTS)]

@@ -1,0 +1,62 @@
+"""The notebook among the examples: it runs, and its results show."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import nbformat
+import pytest
+from nbclient import NotebookClient
+
+NOTEBOOK = Path(__file__).parents[2] / "examples" / "quickstart.ipynb"
+
+
+@pytest.fixture(scope="module")
+def executed(tmp_path_factory: pytest.TempPathFactory) -> tuple[nbformat.NotebookNode, Path]:
+    """Return the notebook after a run in an empty folder, and that folder."""
+    folder = tmp_path_factory.mktemp("notebook")
+    notebook = nbformat.read(NOTEBOOK, as_version=4)
+    NotebookClient(
+        notebook, timeout=120, kernel_name="python3", resources={"metadata": {"path": str(folder)}}
+    ).execute()
+    return notebook, folder
+
+
+def shown(notebook: nbformat.NotebookNode, source: str) -> dict[str, object]:
+    """Return what the cell whose source ends with `source` displays, by MIME type."""
+    cell = next(cell for cell in notebook.cells if cell.source.endswith(source))
+    return cell.outputs[-1].data
+
+
+def test_no_outputs_are_committed() -> None:
+    """The file in the repository holds neither outputs nor execution counts."""
+    cells = [c for c in nbformat.read(NOTEBOOK, as_version=4).cells if c.cell_type == "code"]
+    assert cells
+    assert all(not cell.outputs and cell.execution_count is None for cell in cells)
+
+
+def test_tuning_shows_as_table(executed: tuple[nbformat.NotebookNode, Path]) -> None:
+    """A tuning displays its time constant and the settings of both loops."""
+    html = shown(executed[0], "\ntuning")["text/html"]
+    assert "τP = 18.4" in html
+    assert "loop 1" in html
+    assert "loop 2" in html
+
+
+def test_figures_show_as_figures(executed: tuple[nbformat.NotebookNode, Path]) -> None:
+    """Figures display by Plotly's MIME type, with the unit of time on their axes."""
+    figure = shown(executed[0], 'tuning.figures["mu"]')["application/vnd.plotly.v1+json"]
+    assert figure["layout"]["xaxis"]["title"]["text"] == "frequency ω (rad/min)"
+
+
+def test_sweep_costs_time(executed: tuple[nbformat.NotebookNode, Path]) -> None:
+    """The more uncertain the inputs, the slower the loops that can be promised."""
+    figure = shown(executed[0], 'unit="min")')["application/vnd.plotly.v1+json"]
+    tau_p = figure["data"][0]["y"]
+    assert len(tau_p) == 3
+    assert tau_p == sorted(tau_p)
+
+
+def test_report_is_saved(executed: tuple[nbformat.NotebookNode, Path]) -> None:
+    """The last cell leaves a report in the folder of the run."""
+    assert (executed[1] / "report.html").read_text("utf-8").startswith("<!doctype html>")
