@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from touring import ROOT, Tour
 
+from service.cli import app
 from service.schemas import RobustnessRequest, TuningRequest, TuningResult
 from service.schemas.controllers import ControllerChoice
 from service.schemas.parsing import parse
@@ -115,6 +116,14 @@ def test_api_guide_lists_every_operation() -> None:
     }
     guide = (ROOT / "docs" / "api.md").read_text()
     assert set(re.findall(r"`((?:GET|POST|DELETE) /\S+)`", guide)) == operations
+
+
+def test_api_guide_lists_every_command() -> None:
+    """docs/api.md and the command line name the same commands."""
+    guide = (ROOT / "docs" / "api.md").read_text()
+    commands = {each.name or each.callback.__name__ for each in app.registered_commands}
+    groups = {each.name for each in app.registered_groups}
+    assert set(re.findall(r"^\| `mutune ([\w-]+)", guide, re.MULTILINE)) == commands | groups
 
 
 def test_api_guide_names_every_field_of_a_tuning() -> None:

@@ -12,7 +12,7 @@ __all__ = ["app", "main"]
 # Rich help costs 0.25 s of imports; plain help is as clear.
 app = typer.Typer(
     name="mutune",
-    help="PI and PID settings for parallel units that disturb each other, with robustness proven.",
+    help="Robust PI and PID settings for parallel units that disturb each other.",
     epilog="Exit codes: 0 done, 2 bad input, 3 infeasible, 4 time limit, 130 interrupted.",
     no_args_is_help=True,
     rich_markup_mode=None,
@@ -55,11 +55,21 @@ def _options(
 
 
 @app.command()
-def tune(request: Input, *, as_json: AsJson = False) -> None:
-    """Find the loop settings that are as fast as the uncertainty permits."""
+def tune(
+    request: Input,
+    *,
+    as_json: AsJson = False,
+    report: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="REPORT.html", help="Write a report to sign and file, one file with figures."
+        ),
+    ] = None,
+) -> None:
+    """Find the fastest robust loop settings."""
     from service.cli.tuning import tune_file  # noqa: PLC0415 - heavy
 
-    raise typer.Exit(tune_file(request, as_json=as_json))
+    raise typer.Exit(tune_file(request, as_json=as_json, report=report))
 
 
 @app.command()
@@ -79,7 +89,7 @@ def batch(
     ] = None,
     scheduler: Scheduler = None,
 ) -> None:
-    """Tune many requests, in order, on all cores or on a Dask cluster."""
+    """Tune many requests, on all cores or more."""
     from service.cli.batch import batch_file  # noqa: PLC0415 - heavy
 
     raise typer.Exit(batch_file(requests, results=results, scheduler=scheduler))
@@ -89,6 +99,14 @@ def batch(
 def robustness(request: Input, *, as_json: AsJson = False) -> None:
     """Analyse given loop settings."""
     from service.cli.robustness import analyse_file  # noqa: PLC0415 - heavy
+
+    raise typer.Exit(analyse_file(request, as_json=as_json))
+
+
+@app.command()
+def integrity(request: Input, *, as_json: AsJson = False) -> None:
+    """Analyse given loops with any of them in manual."""
+    from service.cli.integrity import analyse_file  # noqa: PLC0415 - heavy
 
     raise typer.Exit(analyse_file(request, as_json=as_json))
 
@@ -162,7 +180,10 @@ def serve(
 
 @app.command()
 def worker(*, scheduler: Scheduler = None) -> None:
-    """Compute for a Dask scheduler, on MUTUNE_WORKERS processes."""
+    """Compute for a Dask scheduler.
+
+    On MUTUNE_WORKERS processes, by default one a core; until stopped.
+    """
     from service.cli.worker import work  # noqa: PLC0415 - heavy
 
     raise typer.Exit(work(scheduler))
