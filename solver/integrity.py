@@ -38,11 +38,21 @@ if TYPE_CHECKING:
     from solver.results import Peak
     from solver.weights import Performance, Uncertainty
 
-__all__ = ["MAX_CLASSES", "Detuning", "Integrity", "ServiceClass", "integrity"]
+__all__ = [
+    "MAX_CLASSES",
+    "Detuning",
+    "Integrity",
+    "ServiceClass",
+    "in_one_line",
+    "integrity",
+    "service_classes",
+    "summarise",
+]
 
 MAX_CLASSES = 1023  # all subsets of ten loops, or two groups of 31
 READABLE = 10**6  # counts above are given as shares
 TOLERANCE = 1e-6  # a tuning ends with its peak at one, to rounding
+MAX_IN_PASSING = 300  # kinds of sets times the square of the block's size: four different loops
 MAX_DETUNED = 800  # six loops at three factors are 728
 LEVELS = (5, 4, 3)  # equidistant gain factors, 0 and 1 among them: the most that are allowed
 
@@ -125,25 +135,8 @@ class Integrity:
 
     @property
     def summary(self) -> str:
-        """One line for a tuning's result."""
-        total = sum(each.subsets for each in self.classes)
-
-        def count(condition: Iterable[bool]) -> str:
-            kept = sum(
-                each.subsets for each, holds in zip(self.classes, condition, strict=True) if holds
-            )
-            if kept in {0, total}:
-                return "all" if kept else "none"
-            return f"{kept:,}" if total < READABLE else _share(Fraction(kept, total))
-
-        stable = count(each.nominally_stable for each in self.classes)
-        robust = count(_kept(each.robust_stability) for each in self.classes)
-        performing = count(_kept(each.robust_performance) for each in self.classes)
-        sets = "set" if total == 1 else "sets"
-        return (
-            f"loops out of service: of {_number(total)} {sets} of loops in service {stable} "
-            f"stable, {robust} robustly stable, {performing} with robust performance"
-        )
+        """One line; see `summarise`."""
+        return summarise(self.classes)
 
 
 def integrity(
@@ -170,6 +163,21 @@ def integrity(
     UnsupportedPlantError
         The plant is open-loop unstable.
 
+    """
+    classes = service_classes(plant, uncertainty, performance, loops)
+    groups = interchangeable(plant, loops)
+    return Integrity(groups, classes, _detuning(plant, loops, groups), _controllability(plant))
+
+
+def service_classes(
+    plant: Plant,
+    uncertainty: Uncertainty,
+    performance: Performance,
+    loops: Sequence[Controller],
+) -> tuple[ServiceClass, ...]:
+    """Return all kinds of sets of loops in service, those with the most loops first.
+
+    Parameters, errors: as for `integrity`.
     """
     if performance.tau_p is None:
         message = "an analysis needs a time constant"
@@ -200,7 +208,7 @@ def integrity(
         iter(peaks(analysed, uncertainty, performance, omega, stability_only=only))
         for only in (True, False)
     )
-    classes = tuple(
+    return tuple(
         ServiceClass(
             kind,
             math.prod(math.comb(len(group), k) for group, k in zip(groups, kind, strict=True)),
@@ -210,7 +218,43 @@ def integrity(
         )
         for kind, good in zip(kinds, stable.tolist(), strict=True)
     )
-    return Integrity(groups, classes, _detuning(plant, loops, groups), _controllability(plant))
+
+
+def in_one_line(
+    plant: Plant,
+    uncertainty: Uncertainty,
+    performance: Performance,
+    loops: Sequence[Controller],
+) -> str:
+    """Return the summary for a tuning's result, where it takes a fraction of a second.
+
+    Otherwise say that it was left out. Parameters, errors: as for `integrity`.
+    """
+    groups = interchangeable(plant, loops)
+    count = math.prod(len(group) + 1 for group in groups) - 1
+    if count * len(groups) ** 2 > MAX_IN_PASSING:
+        return f"loops out of service: {_number(count)} kinds of sets, not analysed in passing"
+    return summarise(service_classes(plant, uncertainty, performance, loops))
+
+
+def summarise(classes: Sequence[ServiceClass]) -> str:
+    """Say in one line how many of the sets of loops in service are stable, robust, performing."""
+    total = sum(each.subsets for each in classes)
+
+    def count(condition: Iterable[bool]) -> str:
+        kept = sum(each.subsets for each, holds in zip(classes, condition, strict=True) if holds)
+        if kept in {0, total}:
+            return "all" if kept else "none"
+        return f"{kept:,}" if total < READABLE else _share(Fraction(kept, total))
+
+    stable = count(each.nominally_stable for each in classes)
+    robust = count(_kept(each.robust_stability) for each in classes)
+    performing = count(_kept(each.robust_performance) for each in classes)
+    sets = "set" if total == 1 else "sets"
+    return (
+        f"loops out of service: of {_number(total)} {sets} of loops in service {stable} "
+        f"stable, {robust} robustly stable, {performing} with robust performance"
+    )
 
 
 def _detuning(

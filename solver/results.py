@@ -12,6 +12,7 @@ if TYPE_CHECKING:
 
     from solver.certificate import Certificate
     from solver.controllers import Controller
+    from solver.margins import LoopMargins
     from solver.mu.worst_case import WorstCase
 
 __all__ = [
@@ -125,8 +126,9 @@ class Tuning:
     """Outcome of a tuning.
 
     `tau_p` (time units) and the peaks belong to `loops`, one a unit, `groups` lists the units
-    that share settings. Where `status` is INFEASIBLE, `reason` and `omega` (the frequency that
-    forbids it, rad per time unit) say why, and the other fields are None or empty.
+    that share settings; `integrity` says in one line what happens with loops in manual. Where
+    `status` is INFEASIBLE, `reason` and `omega` (the frequency that forbids it, rad per time
+    unit) say why, and the other fields are None or empty.
     """
 
     status: Status
@@ -140,6 +142,7 @@ class Tuning:
     curves: Curves | None
     comparison: Comparison | None = None
     certificate: Certificate | None = None
+    integrity: str | None = None
     reason: str | None = None
     omega: float | None = None
     warnings: tuple[str, ...] = field(default=())
@@ -151,7 +154,8 @@ class Robustness:
 
     `peaks` and `curves` are None where the loops are nominally unstable: mu has no meaning then.
     `lower_bound` is a lower bound of the robust performance peak, `worst_case` a perturbation
-    that reaches it.
+    that reaches it. `uncertainty_scaling` is the factor by which the uncertainty may grow before
+    robust stability is no longer assured. `margins`: of each different loop.
     """
 
     nominally_stable: bool
@@ -160,5 +164,7 @@ class Robustness:
     curves: Curves | None
     lower_bound: Peak | None = None
     worst_case: WorstCase | None = None
+    uncertainty_scaling: float | None = None
+    margins: tuple[LoopMargins, ...] = ()
     certificate: Certificate | None = None
     warnings: tuple[str, ...] = field(default=())

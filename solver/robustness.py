@@ -17,6 +17,7 @@ from solver.blocks import LoopBlocks, group_loops
 from solver.certificate import Certificate, Claim
 from solver.errors import InvalidInputError
 from solver.frequencies import corners, grid, resonances
+from solver.margins import loop_margins
 from solver.mu.kernel import COLD, FINE
 from solver.mu.scaling import sweep
 from solver.mu.structure import BlockStructure, bound_of_scales
@@ -211,6 +212,7 @@ def analyse(
             unstable_poles=unstable,
             peaks=None,
             curves=None,
+            margins=loop_margins(plant, loops),
             warnings=("the closed loop is unstable: mu has no meaning for it",),
         )
     analysis = LoopAnalysis(blocks, controllers, uncertainty, performance)
@@ -234,6 +236,8 @@ def analyse(
         curves=curves if wanted is None else analysis.curves(wanted),
         lower_bound=Peak(worst.mu, worst.omega),
         worst_case=worst,
+        uncertainty_scaling=1 / peaks.robust_stability.value,
+        margins=loop_margins(plant, loops),
         certificate=proof,
         warnings=tuple(warnings),
     )

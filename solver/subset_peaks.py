@@ -80,7 +80,7 @@ def _families(subsets: Subsets) -> list[NDArray[np.intp]]:
     else:
         keys = subsets.counts.sum(axis=1, keepdims=True)
     _, family = np.unique(keys, axis=0, return_inverse=True)
-    return [np.flatnonzero(family == index) for index in range(family.max() + 1)]
+    return [np.flatnonzero(family == index) for index in range(family.max(initial=-1) + 1)]
 
 
 @dataclass(frozen=True)

@@ -7,18 +7,18 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, JsonValue
+from pydantic import ConfigDict, Field
 
 import solver.plants
 import solver.weights
-from service.schemas.controllers import Loop
 from service.schemas.encoding import encode
-from service.schemas.fields import Frequency, RequestModel, below
-from service.schemas.plants import Plant
-from service.schemas.weights import Performance, Uncertainty
+from service.schemas.fields import Frequency, ResultModel
+from service.schemas.given_loops import EXAMPLE, GivenLoops
+from service.schemas.margins import LoopMargins
+from service.schemas.peaks import Peak
+from service.schemas.worst_case import WorstCase
 from solver.controllers import Controller
 from solver.errors import InvalidInputError
-from solver.plants import MAX_UNITS
 from solver.results import Robustness
 
 __all__ = [
@@ -33,22 +33,6 @@ __all__ = [
 
 MAX_FREQUENCIES = 10_000
 
-EXAMPLE: dict[str, JsonValue] = {
-    "plant": {
-        "kind": "first_order",
-        "n": 2,
-        "gain": 1.0,
-        "time_constant": 100.0,
-        "interaction": 0.949,
-    },
-    "uncertainty": {"epsilon": 0.2, "theta": 1.0},
-    "performance": {"max_peak": 2.0, "offset": 0.0, "tau_p": 19.0},
-    "loops": [
-        {"gain": 46.3, "integral_time": 101.0, "derivative_time": None},
-        {"gain": 22.8, "integral_time": 3.15, "derivative_time": None},
-    ],
-}
-
 
 @dataclass(frozen=True)
 class RobustnessTask:
@@ -62,19 +46,9 @@ class RobustnessTask:
     certificate: bool
 
 
-class RobustnessRequest(RequestModel):
+class RobustnessRequest(GivenLoops):
     """Ask how robust given loop settings are."""
 
-    plant: Plant = Field(description="The process.", examples=[EXAMPLE["plant"]])
-    uncertainty: Uncertainty = Field(
-        description="Uncertainty of the plant's inputs.", examples=[EXAMPLE["uncertainty"]]
-    )
-    performance: Performance = Field(
-        description="The demand; tau_p is needed.", examples=[EXAMPLE["performance"]]
-    )
-    loops: Annotated[tuple[Loop, ...], Field(min_length=1, max_length=MAX_UNITS)] = Field(
-        description="Settings, one entry a unit.", examples=[EXAMPLE["loops"]]
-    )
     omega: (
         Annotated[tuple[Frequency, ...], Field(min_length=1, max_length=MAX_FREQUENCIES)] | None
     ) = Field(
@@ -99,45 +73,26 @@ class RobustnessRequest(RequestModel):
             A value that the mathematics cannot accept, by pointer into this request.
 
         """
-        with below("/plant"):
-            plant = self.plant.build()
-        with below("/uncertainty"):
-            uncertainty = self.uncertainty.build()
-        with below("/performance"):
-            performance = self.performance.build()
-        if performance.tau_p is None:
-            message = "a robustness analysis needs a time constant"
-            raise InvalidInputError(message, "/performance/tau_p")
-        loops = []
-        for index, loop in enumerate(self.loops):
-            with below(f"/loops/{index}"):
-                loops.append(loop.build())
-        if len(loops) != plant.n:
-            message = f"{len(loops)} loops for a plant of {plant.n} units"
-            raise InvalidInputError(message, "/loops")
+        task = self.parts()
         omega = None if self.omega is None else np.array(self.omega)
         if omega is not None and np.any(np.diff(omega) <= 0):
             index = int(np.argmax(np.diff(omega) <= 0)) + 1
             message = "the frequencies must ascend"
             raise InvalidInputError(message, f"/omega/{index}")
         return RobustnessTask(
-            plant, uncertainty, performance, tuple(loops), omega, self.certificate == "full"
+            task.plant,
+            task.uncertainty,
+            task.performance,
+            task.loops,
+            omega,
+            self.certificate == "full",
         )
-
-
-class Peak(BaseModel):
-    """Greatest value of a curve and where it is reached."""
-
-    value: float | None = Field(description="Greatest value.", examples=[1.0])
-    omega: float | None = Field(
-        description="Frequency where it is reached, rad per time unit.", examples=[0.0314]
-    )
 
 
 _PEAK = {"value": 1.0, "omega": 0.0314}
 
 
-class Peaks(BaseModel):
+class Peaks(ResultModel):
     """Peaks of the three mu curves, refined between grid points."""
 
     robust_performance: Peak = Field(
@@ -154,7 +109,7 @@ class Peaks(BaseModel):
 Values = list[float | None]
 
 
-class Curves(BaseModel):
+class Curves(ResultModel):
     """Upper bounds of mu over frequency."""
 
     omega: list[float] = Field(
@@ -171,7 +126,7 @@ class Curves(BaseModel):
     )
 
 
-class RobustnessResult(BaseModel):
+class RobustnessResult(ResultModel):
     """Robustness of given loops; peaks and curves are null where the loops are unstable."""
 
     nominally_stable: bool = Field(
@@ -204,8 +159,16 @@ class RobustnessResult(BaseModel):
     lower_bound: Peak | None = Field(
         description="Lower bound of the robust performance peak.", examples=[_PEAK]
     )
-    worst_case: dict[str, Any] | None = Field(
-        description="A perturbation that reaches the lower bound.", examples=[None]
+    worst_case: WorstCase | None = Field(
+        description="The perturbation that reaches the lower bound.", examples=[None]
+    )
+    uncertainty_scaling: float | None = Field(
+        description="Factor by which the uncertainty may grow before robust stability is no "
+        "longer assured.",
+        examples=[1.84],
+    )
+    margins: list[LoopMargins] = Field(
+        description="Stability margins, an entry for each different loop.", examples=[[]]
     )
     certificate: dict[str, Any] | None = Field(
         description="Proof for all frequencies.", examples=[None]

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections import Counter
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, JsonValue
+from pydantic import ConfigDict, Field, JsonValue
 
 from service.schemas.controllers import ControllerChoice, Loop
 from service.schemas.encoding import encode
-from service.schemas.fields import RequestModel, below
+from service.schemas.fields import RequestModel, ResultModel, below
 from service.schemas.plants import Plant
 from service.schemas.robustness import Curves, Peaks
 from service.schemas.weights import Performance, Uncertainty
@@ -147,7 +147,7 @@ class LoopOfUnits(Loop):
     )
 
 
-class Optimum(BaseModel):
+class Optimum(ResultModel):
     """A distinct local optimum; permuted copies count as one."""
 
     value: float | None = Field(description="Value of the objective.", examples=[18.446])
@@ -158,7 +158,7 @@ class Optimum(BaseModel):
     )
 
 
-class SearchSummary(BaseModel):
+class SearchSummary(ResultModel):
     """What the search did."""
 
     starts: int = Field(description="Starts made.", examples=[24])
@@ -170,7 +170,7 @@ class SearchSummary(BaseModel):
     elapsed_seconds: float = Field(description="Computing time in seconds.", examples=[0.6])
 
 
-class Comparison(BaseModel):
+class Comparison(ResultModel):
     """What asymmetry buys."""
 
     identical_value: float | None = Field(
@@ -185,7 +185,7 @@ class Comparison(BaseModel):
     )
 
 
-class TuningResult(BaseModel):
+class TuningResult(ResultModel):
     """Outcome of a tuning; null stands for a value that does not exist or is not finite."""
 
     status: Literal["optimal", "infeasible", "time_limit"] = Field(
@@ -238,6 +238,10 @@ class TuningResult(BaseModel):
     )
     certificate: dict[str, Any] | None = Field(
         description="Proof for all frequencies, where asked for.", examples=[None]
+    )
+    integrity: str | None = Field(
+        description="In one line, what happens with loops in manual.",
+        examples=["loops out of service: of 3 sets of loops in service all stable, ..."],
     )
     reason: str | None = Field(description="Why no settings meet the demand.", examples=[None])
     omega: float | None = Field(

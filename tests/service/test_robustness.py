@@ -20,12 +20,42 @@ def test_published_settings_have_their_peak(client: httpx.Client) -> None:
     assert result.peaks.robust_performance.omega == pytest.approx(0.0314362, rel=1e-3)
 
 
+def test_worst_case_and_margins_come_with_the_analysis(client: httpx.Client) -> None:
+    """The bounds meet, the perturbation can be simulated, each loop has its margins."""
+    result = RobustnessResult.model_validate(client.post(PATH, json=ROBUSTNESS).json())
+    assert result.worst_case is not None
+    assert result.worst_case.gap is not None
+    assert result.worst_case.gap < 1e-6
+    assert result.lower_bound is not None
+    assert result.lower_bound.value == pytest.approx(1.0003484, rel=1e-6)
+    entries = result.worst_case.uncertainty.entries
+    assert entries is not None
+    assert [entry.units for entry in entries] == [[0], [1]]
+    assert result.uncertainty_scaling == pytest.approx(1 / 0.5434143, rel=1e-6)
+    assert [row.units for row in result.margins] == [[0], [1]]
+    first = result.margins[0].alone
+    assert first is not None
+    assert first.gain_increase is None
+    assert first.phase_margin == pytest.approx(90.01, abs=0.01)
+
+
+def test_worst_case_of_a_full_block_has_rank_one(client: httpx.Client) -> None:
+    """Actuators that err in concert: a column and a row in place of a diagonal."""
+    request = altered(ROBUSTNESS, "/uncertainty/structure", "full")
+    result = RobustnessResult.model_validate(client.post(PATH, json=request).json())
+    assert result.worst_case is not None
+    assert result.worst_case.uncertainty.entries is None
+    assert result.worst_case.uncertainty.left is not None
+    assert result.worst_case.uncertainty.right is not None
+
+
 def test_unstable_loops_have_no_peaks(client: httpx.Client) -> None:
     """Where the nominal loop is unstable there is no mu: null, not NaN."""
     request = altered(ROBUSTNESS, "/loops/0/gain", -46.3)
     result = client.post(PATH, json=request).json()
     assert result["nominally_stable"] is False
     assert result["peaks"] is None
+    assert result["margins"][0]["together"] is None
 
 
 def test_given_frequencies_are_those_of_the_curves(client: httpx.Client) -> None:

@@ -191,6 +191,15 @@ def test_a_loop_that_needs_the_others_is_found() -> None:
     assert turned.controllability.verdict is Verdict.GUARANTEED
 
 
+def test_nothing_stable_has_no_peaks() -> None:
+    """Loops that are too fast for the dead time: every set is unstable, none has a peak."""
+    plant = first_order(2, 1, 100, 0.949, 10)
+    found = integrity(plant, DIAGONAL, Performance(tau_p=19), (FAST, SLOW))
+    assert not found.stable
+    assert all(each.robust_performance is None for each in found.classes)
+    assert "none stable, none robustly stable, none with" in found.summary
+
+
 def test_detuning_agrees_with_a_direct_search() -> None:
     """Every combination of factors is stable or not as its own loops are."""
     plant = first_order(3, 1, 10, -0.45, 2.0)

@@ -1,0 +1,35 @@
+"""Loops out of service."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fastapi import APIRouter, Request, Response
+
+import solver.integrity
+from service.bodies import described_body
+from service.routes.common import BODY_PROBLEMS, analysis, described, problems
+from service.schemas.integrity import IntegrityRequest, IntegrityResult, integrity_to_json
+
+__all__ = ["router"]
+
+router = APIRouter(tags=["analyses"])
+
+
+@router.post(
+    "/v1/integrity",
+    summary="Analyse loops out of service",
+    responses={200: described(IntegrityResult, "The analysis."), **problems(*BODY_PROBLEMS, 503)},
+    openapi_extra=described_body(IntegrityRequest),
+)
+async def post_integrity(request: Request) -> Response:
+    """Return stability and robustness with every set of loops in service, others in manual."""
+    return await analysis(request, IntegrityRequest, compute)
+
+
+def compute(request: IntegrityRequest) -> dict[str, Any]:
+    """Return the integrity of the request's loops as JSON values."""
+    task = request.build()
+    return integrity_to_json(
+        solver.integrity.integrity(task.plant, task.uncertainty, task.performance, task.loops)
+    )

@@ -1,0 +1,88 @@
+"""Given loop settings of a plant, and the weights that they are judged by."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from pydantic import Field, JsonValue
+
+import solver.plants
+import solver.weights
+from service.schemas.controllers import Loop
+from service.schemas.fields import RequestModel, below
+from service.schemas.plants import Plant
+from service.schemas.weights import Performance, Uncertainty
+from solver.controllers import Controller
+from solver.errors import InvalidInputError
+from solver.plants import MAX_UNITS
+
+__all__ = ["EXAMPLE", "GivenLoops", "LoopsTask"]
+
+EXAMPLE: dict[str, JsonValue] = {
+    "plant": {
+        "kind": "first_order",
+        "n": 2,
+        "gain": 1.0,
+        "time_constant": 100.0,
+        "interaction": 0.949,
+    },
+    "uncertainty": {"epsilon": 0.2, "theta": 1.0},
+    "performance": {"max_peak": 2.0, "offset": 0.0, "tau_p": 19.0},
+    "loops": [
+        {"gain": 46.3, "integral_time": 101.0, "derivative_time": None},
+        {"gain": 22.8, "integral_time": 3.15, "derivative_time": None},
+    ],
+}
+
+
+@dataclass(frozen=True)
+class LoopsTask:
+    """Arguments that all analyses of given loops share."""
+
+    plant: solver.plants.Plant
+    uncertainty: solver.weights.Uncertainty
+    performance: solver.weights.Performance
+    loops: tuple[Controller, ...]
+
+
+class GivenLoops(RequestModel):
+    """Given loop settings and the weights that they are judged by."""
+
+    plant: Plant = Field(description="The process.", examples=[EXAMPLE["plant"]])
+    uncertainty: Uncertainty = Field(
+        description="Uncertainty of the plant's inputs.", examples=[EXAMPLE["uncertainty"]]
+    )
+    performance: Performance = Field(
+        description="The demand; tau_p is needed.", examples=[EXAMPLE["performance"]]
+    )
+    loops: Annotated[tuple[Loop, ...], Field(min_length=1, max_length=MAX_UNITS)] = Field(
+        description="Settings, one entry a unit.", examples=[EXAMPLE["loops"]]
+    )
+
+    def parts(self) -> LoopsTask:
+        """Return the solver's plant, weights and loops.
+
+        Raises
+        ------
+        InvalidInputError
+            A value that the mathematics cannot accept, by pointer into this request.
+
+        """
+        with below("/plant"):
+            plant = self.plant.build()
+        with below("/uncertainty"):
+            uncertainty = self.uncertainty.build()
+        with below("/performance"):
+            performance = self.performance.build()
+        if performance.tau_p is None:
+            message = "an analysis needs a time constant"
+            raise InvalidInputError(message, "/performance/tau_p")
+        loops = []
+        for index, loop in enumerate(self.loops):
+            with below(f"/loops/{index}"):
+                loops.append(loop.build())
+        if len(loops) != plant.n:
+            message = f"{len(loops)} loops for a plant of {plant.n} units"
+            raise InvalidInputError(message, "/loops")
+        return LoopsTask(plant, uncertainty, performance, tuple(loops))
