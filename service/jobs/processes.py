@@ -31,5 +31,5 @@ def prepare() -> BaseContext:
         os.environ[name] = "1"
     dask.config.set({"distributed.worker.multiprocessing-method": "forkserver"})
     context: BaseContext = get_mp_context()  # sets a list of its own, which ours replaces
-    multiprocessing.set_forkserver_preload(["service.app"])
+    multiprocessing.set_forkserver_preload(["service.jobs.fork_server"])
     return context

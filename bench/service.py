@@ -1,0 +1,232 @@
+"""What the service costs beside the solving: one command, a table printed.
+
+``python bench/service.py [--items N]`` starts `mutune serve` with two workers on an empty
+folder, and measures on this machine. Latencies are those of a client on the loopback address.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import json
+import os
+import signal
+import socket
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import httpx
+
+MUTUNE = Path(sys.executable).with_name("mutune")
+PLANT = {"kind": "first_order", "n": 2, "gain": 1, "time_constant": 100, "interaction": 0.949}
+UNCERTAINTY = {"epsilon": 0.2, "theta": 1}
+LOOPS = [{"gain": 46.3, "integral_time": 101}, {"gain": 22.8, "integral_time": 3.15}]
+ROBUSTNESS = {
+    "plant": PLANT,
+    "uncertainty": UNCERTAINTY,
+    "performance": {"tau_p": 19},
+    "loops": LOOPS,
+}
+
+
+def tuning(seed: int, arrangement: str = "identical") -> dict[str, object]:
+    """Return a tuning request."""
+    return {
+        "plant": PLANT,
+        "uncertainty": UNCERTAINTY,
+        "controller": {"arrangement": arrangement},
+        "search": {"seed": seed},
+    }
+
+
+@dataclass(frozen=True)
+class Row:
+    """A line of the table."""
+
+    what: str
+    value: str
+    target: str
+
+
+class Bench:
+    """A running service and what is measured on it."""
+
+    def __init__(self, client: httpx.AsyncClient, pid: int) -> None:
+        self._client = client
+        self._pid = pid
+
+    async def overhead(self) -> Row:
+        """Time of a job beyond its solve, one after another."""
+        beyond = []
+        for seed in range(20):
+            begun = time.perf_counter()
+            job = await self._tune(tuning(seed))
+            total = time.perf_counter() - begun
+            beyond.append(total - job["result"]["search"]["elapsed_seconds"])
+        value = f"{1000 * statistics.median(beyond):.0f} ms"
+        return Row("overhead of a job beyond the solve, median of 20", value, "15 ms")
+
+    async def _tune(self, request: dict[str, object]) -> dict[str, dict[str, dict[str, float]]]:
+        response = await self._client.post(
+            "/v1/tunings", json=request, headers={"Prefer": "wait=60"}
+        )
+        document: dict[str, dict[str, dict[str, float]]] = response.json()
+        return document
+
+    async def batch(self, items: int) -> list[Row]:
+        """Throughput of a batch, and latencies of other requests while it runs."""
+        begun = time.perf_counter()
+        response = await self._client.post(
+            "/v1/batches", json={"tunings": [tuning(1000 + number) for number in range(items)]}
+        )
+        accepted = time.perf_counter() - begun
+        links = response.json()["links"]
+        job = (await self._client.get("/v1/tunings?limit=1")).json()["items"][0]["links"]["self"]
+        looks = await _latencies(lambda: self._client.get(job), 200)
+        analyses = await _latencies(
+            lambda: self._client.post("/v1/robustness", json=ROBUSTNESS), 100
+        )
+        interactive = await _latencies(lambda: self._tune(tuning(5)), 1)
+        results = (await self._client.get(links["results"])).text.splitlines()
+        seconds = time.perf_counter() - begun
+        solving = sum(json.loads(line)["result"]["search"]["elapsed_seconds"] for line in results)
+        return [
+            Row(f"accepting a batch of {items}", f"{accepted:.2f} s", ""),
+            Row(
+                f"solve time over wall time and 2 workers, batch of {items}",
+                f"{solving / (2 * seconds):.2f}",
+                "0.9",
+            ),
+            Row("p99 of GET /v1/tunings/{id}, batch running", _p99(looks), "25 ms"),
+            Row("p99 of POST /v1/robustness, batch running", _p99(analyses), "60 ms"),
+            Row("a tuning of one's own, batch running", f"{interactive[0]:.2f} s", "1 s"),
+        ]
+
+    async def cancel(self) -> Row:
+        """Time from a cancellation until the workers stand still."""
+        request = {**tuning(7, "independent"), "controller": {"kind": "PID"}}
+        job = (await self._client.post("/v1/tunings", json=request)).json()["links"]["self"]
+        async with self._client.stream("GET", f"{job}/events") as events:
+            async for line in events.aiter_lines():
+                if '"running"' in line:
+                    break
+        await asyncio.sleep(1)
+        begun = time.perf_counter()
+        await self._client.delete(job)
+        while _ticks(self._pid, 0.1) > 3:  # of 10: the service itself needs some
+            pass
+        seconds = time.perf_counter() - begun
+        return Row("cancellation to idle workers", f"{seconds:.2f} s", "0.5 s")
+
+    def memory(self, when: str) -> Row:
+        """Memory of all processes, shared pages counted once."""
+        total = sum(_pss(pid) for pid in _family(self._pid))
+        return Row(f"memory, API and engine, {when}", f"{total / 1000:.0f} MB", "400 MB")
+
+
+async def _latencies(call: Callable[[], Awaitable[object]], count: int) -> list[float]:
+    await call()
+    result = []
+    for _ in range(count):
+        begun = time.perf_counter()
+        await call()
+        result.append(time.perf_counter() - begun)
+    return result
+
+
+def _p99(seconds: list[float]) -> str:
+    return f"{1000 * statistics.quantiles(seconds, n=100)[98]:.0f} ms"
+
+
+def _family(leader: int) -> list[int]:
+    """Return the processes of the session of `leader`."""
+    found = []
+    for entry in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            fields = entry.read_text().rpartition(")")[2].split()
+        except OSError:
+            continue
+        if int(fields[3]) == leader:
+            found.append(int(entry.parent.name))
+    return found
+
+
+def _pss(pid: int) -> int:
+    """Return the proportional set size of a process in kB."""
+    try:
+        lines = Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines()
+    except OSError:
+        return 0
+    return next((int(line.split()[1]) for line in lines if line.startswith("Pss:")), 0)
+
+
+def _ticks(leader: int, seconds: float) -> int:
+    """Return the processor time of the session during some seconds, in hundredths of a second."""
+
+    def used() -> int:
+        total = 0
+        for pid in _family(leader):
+            fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+            total += int(fields[11]) + int(fields[12])
+        return total
+
+    before = used()
+    time.sleep(seconds)
+    return used() - before
+
+
+async def measure(address: str, pid: int, items: int) -> list[Row]:
+    """Measure everything."""
+    async with httpx.AsyncClient(base_url=address, timeout=3600) as client:
+        while True:
+            try:
+                if (await client.get("/readyz")).status_code == 200:
+                    break
+            except httpx.TransportError:
+                pass
+            await asyncio.sleep(0.1)
+        bench = Bench(client, pid)
+        await client.post("/v1/robustness", json=ROBUSTNESS)  # starts its process
+        rows = [bench.memory("idle")]
+        rows.append(await bench.overhead())
+        rows += await bench.batch(items)
+        rows.append(await bench.cancel())
+        rows.append(bench.memory("after all this"))
+        return rows
+
+
+def main() -> None:
+    """Run and print."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--items", type=int, default=1000, help="size of the batch")
+    items = parser.parse_args().items
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    with tempfile.TemporaryDirectory() as folder:
+        environment = {**os.environ, "MUTUNE_DATA_DIR": folder, "MUTUNE_WORKERS": "2"}
+        service = subprocess.Popen(
+            [str(MUTUNE), "serve", "--port", str(port)],
+            env=environment,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+        )
+        try:
+            rows = asyncio.run(measure(f"http://127.0.0.1:{port}", service.pid, items))
+        finally:
+            service.send_signal(signal.SIGTERM)
+            service.wait(30)
+    print("| what | measured | target |")
+    print("| --- | --- | --- |")
+    for row in rows:
+        print(f"| {row.what} | {row.value} | {row.target} |")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,12 @@
+"""What the server that workers are forked from imports: the service, with its kernels compiled.
+
+The import itself does the compiling: that is the one thing that Python's fork server can be
+told to do, and every process forked from it is then ready at once.
+"""
+
+import service.app  # noqa: F401 - imported for the processes forked later
+from solver.warm import warm
+
+__all__: list[str] = []
+
+warm()
