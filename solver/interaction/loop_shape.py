@@ -8,34 +8,26 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from solver.errors import InvalidInputError
-from solver.frequencies import corners_of, resonances_of
+from solver.interaction.sampling import local_minima, refine_minima, sample
 from solver.results import Peak
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
+    from collections.abc import Callable, Iterator
 
     from numpy.typing import NDArray
 
     from solver.interaction.weighted_sum import WeightedSum
-    from solver.transfer_function import TransferFunction
 
     _Function = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+    _Ends = Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]]
 
-__all__ = ["LoopShape", "RobustnessLimits", "dense_frequencies", "refine_minima"]
-
-_POINTS = 1000  # even in logarithm
-_DECADES = 3  # beyond the corners on both sides
-_DEAD_TIME_STEP = 0.1  # rad of the longest dead time between samples ...
-_DEAD_TIME_POINTS = 3000  # ... for that many samples: 300 rad
-_STEP = 0.1  # relative change of the process between samples
-_SMALL = 1e-3  # relative size of the process below which larger changes are let pass
-_HALVINGS = 12
-_MAX_POINTS = 8000
+__all__ = ["LoopShape", "RobustnessLimits"]
 
 
 @dataclass(frozen=True)
@@ -74,19 +66,7 @@ class LoopShape:
     @classmethod
     def of(cls, process: WeightedSum) -> LoopShape:
         """Sample the process."""
-        omega = dense_frequencies(process.active_terms)
-        response = process.response(omega)
-        for _ in range(_HALVINGS):
-            change = np.abs(np.diff(response))
-            size = np.maximum(np.abs(response[1:]), np.abs(response[:-1]))
-            # Far above the resonances only dead time turns: sampled evenly already.
-            coarse = np.flatnonzero((change > _STEP * size) & (size > _SMALL * np.max(size)))
-            if not coarse.size or omega.size > _MAX_POINTS:
-                break
-            middle = np.sqrt(omega[coarse] * omega[coarse + 1])
-            omega = np.insert(omega, coarse + 1, middle)
-            response = np.insert(response, coarse + 1, process.response(middle))
-        return cls(process, omega, response)
+        return cls(process, *sample(process))
 
     def is_stable(self, proportional: float, integral: float) -> bool:
         """Whether the closed loop with c = k + k_I/s, k_I > 0, is stable.
@@ -145,16 +125,14 @@ class LoopShape:
         for gap in self._stable_gaps(proportional, lower, upper):
             if math.isinf(gap.end):
                 return math.inf
-            start, end = gap.start, gap.end
-            for index in range(2):
-                dips = _local_minima(lower[index], 1.05 * gap.end, gap.start)
-                end = min(end, *self._refined(dips, _component(ends, 0, index, 1.0)))
-                if start < 0.9 * gap.end:
-                    continue  # samples err by far less: the gap stays open
-                tops = _local_minima(-upper[index], -0.95 * gap.start, -gap.end)
-                start = max(start, *(-self._refined(tops, _component(ends, 1, index, -1.0))))
+            dips = local_minima(gap.above(lower), 1.05 * gap.end)
+            end = self._refined(dips, partial(_above, gap, ends))
+            if gap.start < 0.9 * gap.end:
+                return end  # samples err by far less: the gap stays open
+            tops = local_minima(-gap.below(upper), -0.95 * gap.start)
+            start = -self._refined(tops, partial(_below, gap, ends))
             if start < end:
-                return float(end)
+                return end
         return 0.0
 
     def _stable_gaps(
@@ -172,14 +150,13 @@ class LoopShape:
         return self.process.response(omega.ravel()).reshape(omega.shape)
 
     def _peak(self, samples: NDArray[np.float64], negative: _Function) -> Peak:
-        tops = _local_minima(-samples, -0.95 * float(np.max(samples)))
+        tops = local_minima(-samples, -0.95 * float(np.max(samples)))
         omega, values = refine_minima(negative, self.omega, tops)
         best = int(np.argmin(values))
         return Peak(float(-values[best]), float(omega[best]))
 
-    def _refined(self, indices: NDArray[np.intp], function: _Function) -> NDArray[np.float64]:
-        """Return the refined minima, and infinity so that there is always one value."""
-        return np.append(refine_minima(function, self.omega, indices)[1], math.inf)
+    def _refined(self, indices: NDArray[np.intp], function: _Function) -> float:
+        return float(np.min(refine_minima(function, self.omega, indices)[1], initial=math.inf))
 
 
 @dataclass(frozen=True)
@@ -189,22 +166,23 @@ class _Gap:
     start: float
     end: float
 
+    def above(self, lower: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Least lower end (2, ...) of the constraints above the gap; NaN where there is none."""
+        ends = np.fmin.reduce(np.where(lower > self.start, lower, np.nan))
+        return np.asarray(ends, dtype=np.float64)
 
-def dense_frequencies(terms: Iterable[TransferFunction]) -> NDArray[np.float64]:
-    """Return frequencies (rad per time unit) that resolve every corner, resonance and dead time.
+    def below(self, upper: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Greatest upper end (2, ...) of the constraints below the gap; NaN where none."""
+        ends = np.fmax.reduce(np.where(upper < self.end, upper, np.nan))
+        return np.asarray(ends, dtype=np.float64)
 
-    Even in logarithm from three decades below the lowest to three above the highest corner,
-    finer around lightly damped poles and zeros, and evenly spaced as far as dead time turns.
-    """
-    elements = tuple(terms)
-    bends = corners_of(elements)
-    low, high = float(bends[0]) / 10**_DECADES, float(bends[-1]) * 10**_DECADES
-    parts = [np.geomspace(low, high, _POINTS), resonances_of(elements)]
-    longest = max((element.dead_time for element in elements), default=0.0)
-    if longest:
-        parts.append(_DEAD_TIME_STEP / longest * np.arange(1, _DEAD_TIME_POINTS))
-    merged = np.unique(np.concatenate(parts))
-    return np.asarray(merged[merged > 0], dtype=np.float64)
+
+def _above(gap: _Gap, ends: _Ends, omega: NDArray[np.float64]) -> NDArray[np.float64]:
+    return gap.above(ends(omega)[0])
+
+
+def _below(gap: _Gap, ends: _Ends, omega: NDArray[np.float64]) -> NDArray[np.float64]:
+    return -gap.below(ends(omega)[1])
 
 
 def _forbidden(
@@ -241,16 +219,6 @@ def _forbidden(
     return np.minimum(first, second), np.maximum(first, second)
 
 
-def _component(
-    ends: Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]],
-    side: int,
-    constraint: int,
-    sign: float,
-) -> _Function:
-    """Return one end of the interval of one constraint as a function to be minimised."""
-    return lambda omega: sign * ends(omega)[side][constraint]
-
-
 def _gaps(lower: NDArray[np.float64], upper: NDArray[np.float64]) -> list[_Gap]:
     """Return the positive numbers outside all intervals, as gaps from the top down."""
     present = upper > 0
@@ -260,58 +228,3 @@ def _gaps(lower: NDArray[np.float64], upper: NDArray[np.float64]) -> list[_Gap]:
     ends = np.append(low[order], math.inf)
     found = np.flatnonzero(ends > starts)[::-1]
     return [_Gap(float(starts[index]), float(ends[index])) for index in found]
-
-
-def _local_minima(
-    values: NDArray[np.float64], at_most: float, above: float = -math.inf
-) -> NDArray[np.intp]:
-    """Return indices of local minima with above < value <= at_most; NaN counts as infinite."""
-    padded = np.concatenate([[math.inf], np.where(np.isnan(values), math.inf, values), [math.inf]])
-    inner = padded[1:-1]
-    lowest = (inner <= padded[:-2]) & (inner <= padded[2:])
-    return np.flatnonzero(lowest & (inner <= at_most) & (inner > above))
-
-
-def refine_minima(
-    function: _Function, omega: NDArray[np.float64], indices: NDArray[np.intp]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Refine minima between samples by parabolas in log omega; NaN counts as infinite.
-
-    Parameters
-    ----------
-    function : callable
-        Values at frequencies, any shape.
-    omega : (k,)
-        The samples, rad per time unit, ascending.
-    indices : (m,)
-        Samples at which the function has local minima.
-
-    Returns
-    -------
-    omega, values : (m,)
-        Refined places and values.
-
-    """
-    t = np.log(omega[indices])
-    log_omega = np.log(omega)
-    left = t - log_omega[np.maximum(indices - 1, 0)]
-    right = log_omega[np.minimum(indices + 1, omega.size - 1)] - t
-    step = np.maximum(left, right)
-    best_t, best = t, np.full(t.shape, math.inf)
-    for _ in range(3):
-        points = best_t + step * np.array([[-1.0], [0.0], [1.0]])
-        values = function(np.exp(points))
-        with np.errstate(invalid="ignore", divide="ignore"):
-            curvature = values[0] - 2 * values[1] + values[2]
-            shift = 0.5 * (values[0] - values[2]) / curvature
-        vertex = best_t + step * np.where(curvature > 0, np.clip(shift, -1, 1), 0.0)
-        points = np.concatenate([points, vertex[None, :]])
-        values = np.concatenate([values, function(np.exp(vertex[None, :]))])
-        values = np.where(np.isnan(values), math.inf, values)
-        choice = np.argmin(values, axis=0)
-        columns = np.arange(choice.size)
-        better = values[choice, columns] < best
-        best_t = np.where(better, points[choice, columns], best_t)
-        best = np.where(better, values[choice, columns], best)
-        step = step / 15
-    return np.exp(best_t), best

@@ -7,8 +7,9 @@ from solver.controllers import ParallelForm
 from solver.errors import InvalidInputError, UnsupportedPlantError
 from solver.interaction.decoupled_loops import DecoupledLoops
 from solver.interaction.decoupling import Decoupling, DecouplingSpecification, decouple
-from solver.interaction.loop_shape import RobustnessLimits, dense_frequencies
+from solver.interaction.loop_shape import RobustnessLimits
 from solver.interaction.pi_design import DesignStatus
+from solver.interaction.sampling import dense_frequencies
 from solver.plants import MatrixPlant, ParallelPlant, first_order
 from solver.transfer_function import TransferFunction
 
