@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from service.schemas.drawn import DrawnStepResponse, DrawnUnits
 from service.tuned import Setting, Tuned
 from solver.controllers import Controller
+from solver.errors import InvalidInputError
 from solver.plants import Plant
 from solver.simulation import (
     Experiment,
@@ -31,9 +32,10 @@ from solver.subsystems import subsystem
 
 __all__ = ["Case", "alone", "together"]
 
-_LONG = 40.0  # time constants of the demand: what has not settled then, settles too slowly to show
+# Time constants of the demand within which the loops are sought to settle; what has not settled
+# after the last one settles too slowly to show. Dead time makes long simulations dear.
+_PROBES = (4.0, 10.0, 40.0)
 _SHOWN = 1.5  # times the longest settling time
-_SHORTEST = 1.0  # time constants of the demand
 
 
 @dataclass(frozen=True)
@@ -59,7 +61,7 @@ def together(tuned: Tuned, direction: NDArray[np.float64]) -> Case:
 
     """
     plant = tuned.plant
-    duration = _duration(tuned, _simulate(plant, tuned.loops, direction, _longest(tuned)))
+    duration = _duration(tuned, plant, tuned.loops, direction)
     worst = _worst_actuators(tuned, plant, tuned.loops)
     return Case(
         nominal=DrawnStepResponse.of(_simulate(plant, tuned.loops, direction, duration)),
@@ -89,13 +91,10 @@ def alone(tuned: Tuned) -> Case:
         for setting in tuned.settings
     ]
     singles = [single for single in singles if is_stable(*single[1:])]
-    duration = max(
-        (
-            _duration(tuned, _simulate(plant, loops, step, _longest(tuned)))
-            for _, plant, loops in singles
-        ),
-        default=_longest(tuned),
-    )
+    if not singles:
+        message = "no loop is stable alone"
+        raise InvalidInputError(message)
+    duration = max(_duration(tuned, plant, loops, step) for _, plant, loops in singles)
     nominal, worst = [], []
     for setting, plant, loops in singles:
         nominal.append((setting, _simulate(plant, loops, step, duration)))
@@ -125,22 +124,20 @@ def _simulate(
     return step_response(Experiment(plant, closed, steps, duration, actuators=actuators))
 
 
-def _longest(tuned: Tuned) -> float:
-    assert tuned.result.tau_p is not None  # noqa: S101 - for the type checker: there are settings
-    return _LONG * tuned.result.tau_p
-
-
-def _duration(tuned: Tuned, probe: StepResponse) -> float:
-    """Return how much of a long response is worth showing."""
-    longest = _longest(tuned)
-    times = [
-        None if point is None else point.settling_time
-        for point in (response.metrics.set_point for response in probe.responses)
-    ]
-    settled = [time for time in times if time is not None]
-    if len(settled) < len(times):
-        return longest
-    return min(max(_SHOWN * max(settled), _SHORTEST / _LONG * longest), longest)
+def _duration(
+    tuned: Tuned, plant: Plant, loops: Sequence[Controller], direction: NDArray[np.float64]
+) -> float:
+    """Return how much of the response is worth showing: until it has settled, and some more."""
+    tau_p = tuned.result.tau_p
+    assert tau_p is not None  # noqa: S101 - for the type checker: there are settings
+    for probe in _PROBES:
+        responses = _simulate(plant, loops, direction, probe * tau_p).responses
+        changes = [response.metrics.set_point for response in responses]
+        times = [change.settling_time for change in changes if change is not None]
+        settled = [time for time in times if time is not None]
+        if len(settled) == len(times):
+            return max(_SHOWN * max(settled), tau_p)
+    return _PROBES[-1] * tau_p
 
 
 def _worst_actuators(tuned: Tuned, plant: Plant, loops: Sequence[Controller]) -> Actuators | None:
@@ -151,7 +148,7 @@ def _merged(runs: Sequence[tuple[Setting, StepResponse]]) -> DrawnStepResponse:
     """Return runs of single loops over the same time as one response."""
     drawn = [(setting, DrawnStepResponse.of(response)) for setting, response in runs]
     return DrawnStepResponse(
-        time=drawn[0][1].time if drawn else [],
+        time=drawn[0][1].time,
         responses=[
             DrawnUnits.model_validate(
                 response.responses[0].model_dump() | {"units": list(setting.units)}
