@@ -129,16 +129,17 @@ def relative_gain_at(response: NDArray[np.complex128]) -> NDArray[np.complex128]
 
     """
     result = np.full(response.shape, complex(np.nan, np.nan))
-    for index, matrix in enumerate(response):
-        if np.all(np.isfinite(matrix)) and not is_singular(matrix):
-            core = _equilibrate(matrix)
-            result[index] = core * np.linalg.inv(core).T
+    usable = np.all(np.isfinite(response), axis=(1, 2)) & ~_has_empty_line(response)
+    core = _equilibrate(response[usable])
+    regular = np.linalg.cond(core) <= SINGULAR_CONDITION
+    core = core[regular]
+    result[np.flatnonzero(usable)[regular]] = core * np.linalg.inv(core).transpose(0, 2, 1)
     return result
 
 
 def is_singular(matrix: NDArray[np.inexact[Any]]) -> bool:
     """Whether the square matrix is singular to working accuracy, units of its signals apart."""
-    if not np.all(np.any(matrix, axis=0)) or not np.all(np.any(matrix, axis=1)):
+    if _has_empty_line(matrix):
         return True
     return bool(np.linalg.cond(_equilibrate(matrix)) > SINGULAR_CONDITION)
 
@@ -231,12 +232,19 @@ def _dual_powers(
     return rows.astype(np.int64), columns
 
 
-def _equilibrate(matrix: NDArray[_Number]) -> NDArray[_Number]:
+def _has_empty_line(matrices: NDArray[np.inexact[Any]]) -> NDArray[np.bool_]:
+    """Whether a row or column of each matrix (..., n, n) is zero."""
+    present = matrices != 0
+    filled = np.all(np.any(present, axis=-1), axis=-1) & np.all(np.any(present, axis=-2), axis=-1)
+    return np.asarray(~filled)
+
+
+def _equilibrate(matrices: NDArray[_Number]) -> NDArray[_Number]:
     """Scale rows and columns to magnitude one (Ruiz 2001, infinity norm); none may be zero."""
-    core = matrix
+    core = matrices
     # A round halves the distance to one in logarithm: 2^-12 of 24 decades is a factor 1.01.
     for _ in range(12):
-        row = np.sqrt(np.max(np.abs(core), axis=1))
-        column = np.sqrt(np.max(np.abs(core), axis=0))
-        core = cast("NDArray[_Number]", core / row[:, None] / column[None, :])
+        row = np.sqrt(np.max(np.abs(core), axis=-1, keepdims=True))
+        column = np.sqrt(np.max(np.abs(core), axis=-2, keepdims=True))
+        core = cast("NDArray[_Number]", core / row / column)
     return core
