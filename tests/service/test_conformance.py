@@ -46,7 +46,7 @@ def address(_fake_tuner: None, tmp_path_factory: pytest.TempPathFactory) -> Iter
 
 @schema.parametrize()
 @settings(
-    max_examples=20,
+    max_examples=5,
     deadline=None,
     derandomize=True,
     suppress_health_check=list(HealthCheck),
