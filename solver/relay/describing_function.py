@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 __all__ = ["Harmonic", "Ultimate", "half_range", "harmonics", "ultimate_gain", "ultimate_point"]
 
 _GRID = 2000  # frequencies looked at for a crossing
+_MOST_REFINED = 10
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(16)
 _PLACES = (1 + _POINTS) / 2
 _GAUSS = evaluation_matrix(_PLACES)
@@ -135,9 +136,13 @@ def ultimate_point(
         return float(response(np.array([omega]))[0].imag) + offset
 
     grid = np.geomspace(lowest, highest, _GRID)
-    heights = response(grid).imag + offset
+    values = response(grid)
+    heights = values.imag + offset
     found = []
-    for index in np.flatnonzero(heights[:-1] * heights[1:] < 0):
+    crossings = np.flatnonzero(heights[:-1] * heights[1:] < 0)
+    # Only the least gain is wanted; a dead time crosses the line at ever higher gains.
+    strongest = crossings[np.argsort(-np.abs(values[crossings]))][:_MOST_REFINED]
+    for index in strongest:
         omega = float(brentq(height, grid[index], grid[index + 1], xtol=1e-14 * grid[index]))
         value = complex(response(np.array([omega]))[0])
         if value.real < 0:

@@ -32,7 +32,8 @@ if TYPE_CHECKING:
 
 __all__ = ["McAvoy", "mcavoy"]
 
-_GRID = 2000
+_GRID = 2000  # frequencies looked at
+_MOST_REFINED = 10
 
 
 @dataclass(frozen=True)
@@ -114,7 +115,10 @@ def _first_oscillation(
     values = _followed(loci(grid))
     changes = (values.imag[:-1] * values.imag[1:] < 0) & (values.real[:-1] < 0)
     found = []
-    for index, branch in np.argwhere(changes):
+    crossings = np.argwhere(changes)
+    # Only the least gain is wanted; a dead time crosses the axis at ever higher gains.
+    strength = np.abs(values[crossings[:, 0], crossings[:, 1]])
+    for index, branch in crossings[np.argsort(-strength)][:_MOST_REFINED]:
         near = values[index : index + 2, branch]
 
         def height(omega: float, near: NDArray[np.complex128] = near) -> float:

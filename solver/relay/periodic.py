@@ -35,7 +35,9 @@ _GRID = 1000  # half periods looked at for a change of sign
 _HARMONICS = 400  # odd ones: the rest of a process of relative degree two is below 1e-5 of it
 _FEW_HARMONICS = 25  # enough to see where the sign changes
 _INSTANTS = 400  # at which the output of a candidate is looked at
+_MOST_TRIED = 25  # changes of sign, the slowest; a dead time makes infinitely many
 _MOST_GROWTH = 23.0  # logarithm of the growth of a state in a half period: 1e10
+_MOST_LOOKED = 5000  # samples of a half period looked at
 _MOST_SAMPLED = 100  # sampled solutions beside one continuous one
 
 
@@ -202,8 +204,9 @@ def periodic_solutions(
     -------
     tuple of PeriodicSolution
         All where f(h) - eps/d changes its sign between 1000 half periods spaced evenly in the
-        logarithm, those that do not exist included, since the theorem's further conditions say
-        why. For a sampled relay those that exist, h then being a multiple of its period.
+        logarithm (the 25 slowest, where a dead time makes more), those that do not exist
+        included, since the theorem's further conditions say why. For a sampled relay those that
+        exist, h then being a multiple of its period.
 
     """
     sign = 1.0 if relay.amplitude > 0 else -1.0
@@ -230,7 +233,7 @@ def _roots(loop: RelayLoop, relay: Relay, sign: float, limits: tuple[float, floa
     grid = np.geomspace(limits[0], longest, _GRID)
     values = sign * loop.switching_output(grid, _FEW_HARMONICS) - level
     found = []
-    for index in np.flatnonzero(values[:-1] * values[1:] < 0).tolist():
+    for index in np.flatnonzero(values[:-1] * values[1:] < 0)[-_MOST_TRIED:].tolist():
         low, high = float(grid[index]), float(grid[index + 1])
         if loop.has_dead_time:
             # The further harmonics may move the root to a neighbouring interval.
@@ -282,7 +285,8 @@ def _sampled_solutions(
     found: list[PeriodicSolution] = []
     for count in range(max(first, 1), first + _MOST_SAMPLED):
         end = sign * d * float(loop.switching_output(np.array([count * period]))[0])
-        lowest = _lowest(sign * d * loop.waveform(count * period, np.arange(count) / count), relay)
+        shares = np.arange(0, count, max(count // _MOST_LOOKED, 1)) / count
+        lowest = _lowest(sign * d * loop.waveform(count * period, shares), relay)
         if end <= relay.hysteresis or lowest < 0:
             break
         eigenvalues = None

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 __all__ = ["RelaySwitching"]
 
+_SAMPLES_AFTER = 10_000  # looked at after the output has passed the level within a step
 _ROUNDING = 1e-9  # of the largest output so far: smaller excursions are rounding
 
 
@@ -80,8 +81,14 @@ class RelaySwitching:
         self, time: float, length: float, beyond: NDArray[np.float64], period: float
     ) -> Crossing | None:
         """Look at the samples after the beginning of the step, up to its end."""
-        first = math.floor(time / period * (1 + 1e-12) + 1e-9) + 1
+        place = first_root(beyond, 0.0)
+        if place is None:
+            return None
+        # The sample at the beginning of the step belongs to the step before.
+        begun = math.floor(time / period * (1 + 1e-12) + 1e-9) + 1
+        first = max(begun, math.ceil((time + place * length) / period * (1 - 1e-12) - 1e-9))
         last = math.floor((time + length) / period * (1 + 1e-12) + 1e-9)
+        last = min(last, first + _SAMPLES_AFTER)
         if last < first:
             return None
         places = (np.arange(first, last + 1) * period - time) / length

@@ -44,6 +44,8 @@ _MAX_VALUES = 2e7  # numbers held, 160 MB
 _TOLERANCE = 1e-10
 _TINY = 1e-300  # what is nothing must not be divided by nothing
 _FIRST_GUESS = 64  # steps in the whole time, before anything is known
+_MAX_WORK = 3e10  # floating-point operations in matrix exponentials: some ten seconds
+_MAX_SWITCHES = 2000
 _SHORTEST = 2.0**-46  # of the whole time: accepted unresolved, no clock has more digits
 _TRY_LONGER = 8  # steps of one length before a longer one is tried without good reason
 _MAX_SWITCHES_AT_ONCE = 100
@@ -53,8 +55,8 @@ class End(StrEnum):
     """How an integration ended.
 
     COMPLETE: at the wanted time. BOUND: an output left its bound: the system is unstable, or (a)
-    the bound is too low. STEP_LIMIT: too many steps: (a) shorten the time, (b) leave out a dead
-    time or lag that is tiny beside it, (c) give the relay more hysteresis.
+    the bound is too low. STEP_LIMIT: too many steps or switchings: (a) shorten the time, (b) leave
+    out a dead time or lag that is tiny beside it, (c) give the relay more hysteresis.
     """
 
     COMPLETE = "complete"
@@ -143,7 +145,7 @@ class _Integrator:
         # Halvings and doublings of this length come back to the same lengths, so that their
         # operators are computed once.
         self.wanted = min(duration / _FIRST_GUESS, self.shortest)
-        self.since_change = 0
+        self.since_change = self.switches = 0
         self.trajectory = Trajectory()
         self.max_steps = min(MAX_STEPS, int(_MAX_VALUES / ((DEGREE + 1) * system.C.shape[0])))
 
@@ -151,7 +153,9 @@ class _Integrator:
         self.switching.start(self.external)
         at_once = 0
         while self.time < self.duration - self.tolerance:
-            if len(self.trajectory) >= self.max_steps:
+            if len(self.trajectory) >= self.max_steps or self.switches >= _MAX_SWITCHES:
+                return self.trajectory, End.STEP_LIMIT
+            if sum(propagator.work for propagator in self.propagators.values()) > _MAX_WORK:
                 return self.trajectory, End.STEP_LIMIT
             self._take_events()
             before = self.time
@@ -201,6 +205,11 @@ class _Integrator:
             while self.wanted > 0.6 * length:
                 self.wanted /= 2
             self.since_change = 0
+        if roughness == math.inf:
+            # It overflows within the shortest step: held at its last value, and out of bounds.
+            values = np.repeat(values[:1], DEGREE + 1, axis=0)
+            self._accept(length, values, self.state)
+            return np.full_like(values, math.inf)
         found = self.switching.crossing(self.time, length, values)
         if found is None:
             self._accept(length, values, states[-1])
@@ -261,6 +270,7 @@ class _Integrator:
             # The part of the step before the switching: the same polynomials, seen at its nodes.
             values = evaluation_matrix(place * NODES) @ values
             self._accept(place * length, values, state)
+        self.switches += 1
         order = self.switching.switch(found, self.time, self.external)
         self.breakpoints.jump(self.time, order)
         return values

@@ -34,10 +34,16 @@ class Propagator:
     system : DelaySystem
         The system.
 
+    Attributes
+    ----------
+    work : float
+        Floating-point operations spent on matrix exponentials, roughly.
+
     """
 
     def __init__(self, system: DelaySystem) -> None:
         self.system = system
+        self.work = 0.0
         self._parts = _independent_parts(system)
         self._sizes = np.abs(system.C).T, np.abs(system.D_external), np.abs(system.D_delayed).T
         self._operators: OrderedDict[float, NDArray[np.float64]] = OrderedDict()
@@ -126,6 +132,8 @@ class Propagator:
         for rows, inputs, channels in self._parts:
             own, given = rows.size, inputs.size
             size = own + given + channels.size * (DEGREE + 1)
+            # A Pade approximant and its squarings; small matrices cost as one of order 15.
+            self.work += 25.0 * places.size * max(size, 15) ** 3
             matrix = np.zeros((size, size))
             matrix[:own, :own] = length * system.A[np.ix_(rows, rows)]
             matrix[:own, own : own + given] = length * system.B_external[np.ix_(rows, inputs)]
