@@ -33,7 +33,7 @@ _ZERO = acb(0)
 
 
 class UnenclosedError(ArithmeticError):
-    """A denominator may vanish on the segment: it must be split."""
+    """No enclosure: a denominator may vanish on the segment, which must be split."""
 
 
 class TaylorModel:
@@ -68,7 +68,7 @@ class TaylorModel:
     def phasor(cls, start: acb, slope: arb) -> TaylorModel:
         """Return the model of start exp(j slope t) for |start| = 1."""
         exponent = acb_series([_ZERO, acb(0, slope)], DEGREE)
-        polynomial = acb_poly(exponent.exp().coeffs()) * start
+        polynomial = _all_terms(exponent.exp()) * start
         # Lagrange's remainder: the derivatives have modulus |slope|^k.
         bound = (abs(slope) ** DEGREE / math.factorial(DEGREE)).upper()
         return cls(polynomial, acb(arb(0, bound), arb(0, bound)))
@@ -117,11 +117,18 @@ class TaylorModel:
         if not abs(values) > 0:
             message = "a denominator may vanish"
             raise UnenclosedError(message)
-        series = acb_series(self.polynomial.coeffs(), DEGREE).inv()
-        inverse = acb_poly(series.coeffs())
+        inverse = _all_terms(acb_series(self.polynomial.coeffs(), DEGREE).inv())
         # p q = 1 + t^DEGREE e, hence 1/f = q - t^DEGREE (e + r q)/f.
         excess = (self.polynomial * inverse).right_shift(DEGREE)(_SEGMENT)
         return TaylorModel(inverse, -(excess + self.rest * inverse(_SEGMENT)) / values)
+
+
+def _all_terms(series: acb_series) -> acb_poly:
+    """Return the first DEGREE terms as a polynomial; flint.ctx.cap may have cut some."""
+    if series.prec < DEGREE:
+        message = "flint.ctx.cap is below the degree of the Taylor models"
+        raise UnenclosedError(message)
+    return acb_poly(series.coeffs())
 
 
 def control_points(models: Sequence[TaylorModel]) -> acb_mat:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 from flint import acb, fmpq, fmpq_poly
 
-from solver.certificate.reduction import Block, blocks, settings_of
+from solver.certificate.reduction import MAX_SETTINGS, Block, blocks, settings_of
 from solver.controllers import DERIVATIVE_FILTER
 from solver.enclosures import Frame, Ratio, Response, exact, is_hurwitz
 from solver.errors import InvalidInputError, UnsupportedPlantError
@@ -73,11 +73,15 @@ class Loop:
         UnsupportedPlantError
             A pole of the plant lies in the right half plane or, other than s = 0, on its edge.
         InvalidInputError
-            The performance weight has no time constant.
+            The performance weight has no time constant, or there are more than `MAX_SETTINGS`
+            different settings.
 
         """
         _require_stable(claim.plant)
         settings = settings_of(claim.plant, claim.loops)
+        if len(settings) > MAX_SETTINGS:
+            message = f"certificates cover at most {MAX_SETTINGS} different settings"
+            raise InvalidInputError(message, "/loops")
         return cls(
             blocks(claim.plant, settings),
             tuple(_controller(group.controller) for group in settings),

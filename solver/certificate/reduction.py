@@ -27,7 +27,9 @@ if TYPE_CHECKING:
     from solver.controllers import Controller
     from solver.plants import MatrixPlant, Plant
 
-__all__ = ["Block", "Settings", "blocks", "scale_count", "settings_of"]
+__all__ = ["MAX_SETTINGS", "Block", "Settings", "blocks", "scale_count", "settings_of"]
+
+MAX_SETTINGS = 20  # the work grows with the cube: 10 take seconds, 20 half a minute
 
 
 @dataclass(frozen=True)

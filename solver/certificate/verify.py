@@ -84,6 +84,8 @@ def check(certificate: Certificate) -> Verification:
     ------
     UnsupportedPlantError
         The plant is unstable in open loop.
+    InvalidInputError
+        Too many different settings.
 
     """
     loop = Loop.of(certificate.claim)

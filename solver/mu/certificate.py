@@ -17,6 +17,7 @@ from solver.blocks import group_loops
 from solver.certificate.enclosed_loop import Loop
 from solver.certificate.proof import Gap, Turns, examine, unstable_poles
 from solver.certificate.record import Certificate, Claim, ProvenInterval
+from solver.certificate.reduction import MAX_SETTINGS, settings_of
 from solver.enclosures import Interval
 from solver.mu.kernel import COLD, FINE
 from solver.mu.scaling import sweep
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 
 __all__ = ["CertificateFailure", "Obstacle", "certify"]
 
-MAX_ATTEMPTS = 20_000
+MAX_ATTEMPTS = 5_000  # about ten seconds for two loops
 NARROWEST = 1e-9  # log(ratio of the ends) below which only a touch of the level can be left
 FARTHEST = 1e15  # ratio of the ends of the axis to its middle; no process spans more
 WIDER, NARROWER = 1.15, 0.7  # change of log(ratio) after an interval was proven, or not
@@ -41,11 +42,13 @@ class Obstacle(StrEnum):
     UNRESOLVED: the intervals became too narrow or too many near `omega`: (a) mu touches the level
     there: ask for a higher one, (b) a closed-loop pole lies on the imaginary axis, at s = 0 if the
     plant's static gain is singular, (c) the plant passes its input on at once and with dead time.
+    TOO_LARGE: more than `MAX_SETTINGS` loops differ; give some of them equal settings.
     """
 
     EXCEEDED = "exceeded"
     UNSTABLE = "unstable"
     UNRESOLVED = "unresolved"
+    TOO_LARGE = "too large"
 
 
 @dataclass(frozen=True)
@@ -86,6 +89,8 @@ def certify(
         The performance weight has no time constant.
 
     """
+    if len(settings_of(claim.plant, claim.loops)) > MAX_SETTINGS:
+        return CertificateFailure(Obstacle.TOO_LARGE)
     with ctx.workprec(PRECISION):
         search = _Search(claim, interrupt)
         try:

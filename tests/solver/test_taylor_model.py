@@ -107,3 +107,15 @@ def test_a_denominator_that_may_vanish_is_refused() -> None:
     with pytest.raises(UnenclosedError):
         model_of([0, 1]).reciprocal()
     assert math.isfinite(float(abs(model_of([2, 1]).reciprocal().rest).upper()))
+
+
+def test_series_that_flint_cuts_off_are_refused() -> None:
+    """With flint's global cap below the degree a quotient would lose terms: it is not formed."""
+    model = model_of([2, 1])
+    cap = ctx.cap
+    ctx.cap = 4
+    try:
+        with pytest.raises(UnenclosedError):
+            model.reciprocal()
+    finally:
+        ctx.cap = cap

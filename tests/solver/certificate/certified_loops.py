@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 from solver.blocks import group_loops
 from solver.certificate import Certificate, Claim
 from solver.controllers import Controller
-from solver.mu.kernel import COLD, FINE
-from solver.mu.scaling import sweep
 from solver.plants import MatrixPlant, ParallelPlant, Plant, first_order
+from solver.robustness import LoopAnalysis
 from solver.transfer_function import TransferFunction
 from solver.weights import Performance, Structure, Uncertainty
 
@@ -83,20 +82,8 @@ def mu_over(
 ) -> NDArray[np.float64]:
     """Return the upper bound of mu at the frequencies `omega`, (k,)."""
     blocks, controllers = group_loops(plant, loops, uncertainty.structure)
-    y = np.zeros((omega.size, blocks.n_scales))
-    t, _ = sweep(
-        blocks.packed(omega),
-        np.stack([c.response(omega) for c in controllers], axis=-1),
-        uncertainty.magnitude(omega) ** 2,
-        performance.magnitude(omega) ** 2,
-        blocks.layout,
-        True,
-        COLD,
-        FINE,
-        True,
-        y,
-    )
-    return np.asarray(np.exp(-t / 2))
+    analysis = LoopAnalysis(blocks, controllers, uncertainty, performance)
+    return analysis.robust_performance(omega)
 
 
 def peak_of(

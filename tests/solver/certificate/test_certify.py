@@ -16,6 +16,7 @@ from certified_loops import (
     published,
 )
 from hypothesis import HealthCheck, assume, given, settings
+from zoo import ZOO, Case
 
 from solver.certificate import Certificate, Claim, check
 from solver.controllers import Controller
@@ -132,74 +133,55 @@ def test_the_certificate_does_not_depend_on_the_unit_of_time() -> None:
 
 
 LAG = TransferFunction([1], [10, 1])
-CASES = {
-    "one unit": (first_order(1, 1, 100, 0), 15.0, (Controller(40, 60),)),
-    "no interaction": (first_order(3, 1, 100, 0), 15.0, (Controller(40, 60),) * 3),
-    "nearly singular": (
-        first_order(2, 1, 100, 0.9999),
-        30_000.0,
-        (Controller(40, 100), Controller(20, 60)),
-    ),
-    "fifty units in two groups": (
+MILD = Uncertainty.from_error(0.1, 0.5)
+# Kinds that the zoo lacks.
+FURTHER = (
+    Case(
+        "fifty units in two groups",
         first_order(50, 1, 100, -0.015),
-        30.0,
         (Controller(40, 100),) * 25 + (Controller(20, 60),) * 25,
     ),
-    "dead times that differ": (
-        ParallelPlant(
-            2, TransferFunction([1], [10, 1], 2.0), TransferFunction([0.5], [20, 1], 5.0)
-        ),
-        40.0,
-        (Controller(1, 10), Controller(1.5, 12)),
-    ),
-    "long dead time": (
+    Case(
+        "long dead time, full-block uncertainty",
         first_order(2, 1, 10, 0.3, 50.0),
-        300.0,
         (Controller(0.15, 20), Controller(0.2, 25)),
+        Uncertainty.from_error(0.1, 0.5, Structure.FULL),
+        Performance(tau_p=300.0),
     ),
-    "integrating, one mode only": (
+    Case(
+        "integrating in one mode only",
         ParallelPlant(3, TransferFunction([11, 1], [1, 0.1, 0]), TransferFunction([1], [0.1, 0])),
-        80.0,
         (Controller(0.02, 300),) * 3,
+        MILD,
+        Performance(tau_p=80.0),
     ),
-    "order twenty": (
+    Case(
+        "order twenty",
         ParallelPlant(
             2,
             TransferFunction([1], np.poly([-1] * 20)),
             TransferFunction([0.5], np.poly([-1] * 20)),
         ),
-        200.0,
         (Controller(0.1, 10), Controller(0.12, 9)),
+        MILD,
+        Performance(tau_p=200.0),
     ),
-    "column of SLH eq. 3": (
-        MatrixPlant(
-            [
-                [TransferFunction([87.8], [75, 1]), TransferFunction([-86.4], [75, 1])],
-                [TransferFunction([108.2], [75, 1]), TransferFunction([-109.6], [75, 1])],
-            ]
-        ),
-        10.0,
-        (Controller(1.79, 75), Controller(-0.47, 5)),
-    ),
-    "matrix with a zero element": (
+    Case(
+        "matrix with a zero element and dead time",
         MatrixPlant(
             [[LAG, TransferFunction([0], [1])], [TransferFunction([0.4], [30, 1], 1.0), LAG]]
         ),
-        10.0,
         (Controller(2, 10), Controller(2, 10)),
+        MILD,
+        Performance(tau_p=10.0),
     ),
-}
+)
 
 
-@pytest.mark.parametrize("structure", Structure)
-@pytest.mark.parametrize("case", CASES)
-def test_every_kind_of_plant_is_certified_close_to_its_peak(
-    case: str, structure: Structure
-) -> None:
+@pytest.mark.parametrize("case", [*ZOO, *FURTHER], ids=str)
+def test_every_kind_of_plant_is_certified_close_to_its_peak(case: Case) -> None:
     """Within 0.2 per cent of the peak on a dense grid, and the whole loop confirms the scales."""
-    plant, tau_p, loops = CASES[case]
-    uncertainty = Uncertainty.from_error(0.1, 0.5, structure)
-    task = (plant, uncertainty, Performance(tau_p=tau_p), loops)
+    task = (case.plant, case.uncertainty, case.performance, case.loops)
     peak = mu_over(np.geomspace(1e-7, 1e4, 5000), *task).max()
     certificate = certified(Claim(*task, 1.002 * peak))
     assert level_at(grid(certificate, 5), certificate).max() <= 1.002 * peak * (1 + 1e-9)
@@ -238,6 +220,15 @@ def test_a_missing_time_constant_is_named() -> None:
     with pytest.raises(InvalidInputError) as fault:
         certify(Claim(plant, uncertainty, Performance(), loops, 1.0))
     assert fault.value.field == "/performance/tau_p"
+
+
+def test_too_many_different_settings_have_no_certificate() -> None:
+    """Twenty-one different loops are refused at once; as many equal ones are not."""
+    plant = first_order(21, 1, 100, 0.01)
+    different = tuple(Controller(10 + unit, 100) for unit in range(21))
+    task = (plant, UNCERTAINTY, Performance(tau_p=100.0))
+    assert certify(Claim(*task, different, 2.0)) == CertificateFailure(Obstacle.TOO_LARGE)
+    certified(Claim(*task, different[:1] * 21, 2.0))
 
 
 def test_an_interruption_ends_the_search() -> None:
