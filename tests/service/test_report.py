@@ -1,0 +1,230 @@
+"""The report: one file that opens without network, holds everything, and runs nothing else."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+import re
+import shutil
+from dataclasses import replace
+from datetime import UTC, datetime
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+from archived import archived, infeasible, published
+from playwright.sync_api import sync_playwright
+from zoo import COLUMN
+
+from service.cli.tuning import tune_file
+from service.report import report_html
+from service.tuned import Tuned
+from solver.certificate import Claim, read_certificate, verify
+from solver.controllers import Controller
+from solver.proof import prove
+from solver.weights import Performance, Uncertainty
+
+MADE = datetime(2026, 1, 31, 12, 0, tzinfo=UTC)
+
+
+class Page(HTMLParser):
+    """What a browser would read: elements, texts, scripts."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.elements: list[tuple[str, dict[str, str | None]]] = []
+        self.text: list[str] = []
+        self.scripts: list[str] = []
+        self._inside = ""
+        self.feed(html)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        """Note an element."""
+        self.elements.append((tag, dict(attrs)))
+        self._inside = tag
+        if tag == "script":
+            self.scripts.append("")
+
+    def handle_endtag(self, _tag: str) -> None:
+        """Leave an element."""
+        self._inside = ""
+
+    def handle_data(self, data: str) -> None:
+        """Note a text."""
+        if self._inside == "script":
+            self.scripts[-1] += data
+        elif self._inside != "style":
+            self.text.append(data)
+
+    @property
+    def words(self) -> str:
+        """Return all text with single spaces."""
+        return " ".join(" ".join(self.text).split())
+
+
+@pytest.fixture(scope="module")
+def tuned() -> Tuned:
+    """Return the published settings as a tuning."""
+    return published(warnings=("group 0: the gain is on its upper bound",))
+
+
+@pytest.fixture(scope="module")
+def html(tuned: Tuned) -> str:
+    """Return their report."""
+    return report_html(tuned, MADE, "9f1b0d3c5a7e4c0d8b6a2f4e1c3d5b7a")
+
+
+@pytest.fixture(scope="module")
+def page(html: str) -> Page:
+    """Return it parsed."""
+    return Page(html)
+
+
+def test_report_says_what_was_found_when_and_by_what(page: Page) -> None:
+    """Headline, date, version and the tuning's identifier stand at the top."""
+    assert "Closed-loop time constant τP = 19 min." in page.words
+    assert "Made 2026-01-31 12:00 UTC by mutune" in page.words
+    assert "9f1b0d3c5a7e4c0d8b6a2f4e1c3d5b7a" in page.words
+
+
+def test_report_has_the_settings_in_three_forms(page: Page) -> None:
+    """The same controllers in cascade, ideal and parallel form."""
+    for form in ("Cascade form", "Ideal form", "Parallel form"):
+        assert form in page.words
+    assert "loop 1 46.3 101" in page.words
+    assert "loop 2 22.8 7.2381" in page.words  # K_p, and K_i = 22.8/3.15
+
+
+def test_report_has_peaks_margins_and_warnings(page: Page) -> None:
+    """What an engineer checks before signing."""
+    assert "robust performance 1.00035 0.031436" in page.words
+    assert re.search(r"loop 2, together .*° ", page.words)
+    assert "group 0: the gain is on its upper bound" in page.words
+    for role in ("prepared", "checked", "approved"):
+        assert role in page.words
+
+
+def test_report_loads_nothing(page: Page) -> None:
+    """Every reference is within the file."""
+    for tag, attributes in page.elements:
+        for name in ("src", "href", "srcset", "action", "data"):
+            value = attributes.get(name)
+            assert value is None or value.startswith("data:"), (tag, name, value)
+
+
+def test_policy_permits_exactly_the_scripts_inside(page: Page) -> None:
+    """The digests of the policy are those of the two scripts; no other source is permitted."""
+    policies = [a["content"] for t, a in page.elements if a.get("http-equiv")]
+    (policy,) = policies
+    assert policy is not None
+    assert policy.startswith("default-src 'none'")
+    data, *scripts = page.scripts
+    digests = {
+        base64.b64encode(hashlib.sha256(text.encode()).digest()).decode() for text in scripts
+    }
+    assert set(re.findall(r"'sha256-([^']+)'", policy)) == digests
+    assert "figures" in json.loads(data)
+
+
+def test_every_figure_has_its_place_and_alternative_text(page: Page) -> None:
+    """Each figure of the data has an element, with its title and description as text."""
+    figures = json.loads(page.scripts[0])["figures"]
+    assert len(figures) == 7
+    places = {a["id"]: a for t, a in page.elements if t == "div" and "id" in a}
+    assert set(places) == {f"figure-{name}" for name in figures}
+    for name, figure in figures.items():
+        assert places[f"figure-{name}"]["role"] == "img"
+        assert figure["layout"]["meta"]["description"] in places[f"figure-{name}"]["aria-label"]
+
+
+def test_request_and_result_are_in_the_file(page: Page, tuned: Tuned) -> None:
+    """The archived JSON reads back as the same tuning, and has the digest that is printed."""
+    (link,) = [a["href"] for t, a in page.elements if a.get("download") == "tuning.json"]
+    text = base64.b64decode(link.partition(",")[2])
+    document = json.loads(text)
+    again = Tuned.from_json(json.dumps(document["request"]), json.dumps(document["result"]))
+    assert (again.request, again.result) == (tuned.request, tuned.result)
+    assert hashlib.sha256(text).hexdigest() in page.words
+
+
+@pytest.mark.parametrize("attack", ["<script>alert(1)</script>", "</script><img src=x>", '"><b>'])
+def test_what_users_wrote_stays_text(tuned: Tuned, attack: str) -> None:
+    """Neither a unit nor a warning becomes an element or ends the block of data."""
+    result = tuned.result.model_copy(update={"warnings": [attack]})
+    page = Page(report_html(replace(tuned, result=result, unit=attack), MADE, attack))
+    assert len(page.scripts) == 3
+    assert not {"img", "b"} & {tag for tag, _ in page.elements}
+    assert " ".join(attack.split()) in page.words
+    json.loads(page.scripts[0])
+
+
+def test_report_without_settings_says_why() -> None:
+    """An infeasible tuning has a report too, without scripts."""
+    page = Page(report_html(infeasible(), MADE))
+    assert "No settings: the static gain is singular (at ω = 0.001 rad/time unit)." in page.words
+    assert page.scripts == []
+
+
+def test_matrix_plants_and_missing_forms_are_shown() -> None:
+    """A matrix is set as such, and a form that does not exist says so instead of values."""
+    # tau_I below a tenth of tau_D: no ideal form.
+    loops = (Controller(0.5, 0.5, 8.0), Controller(1.0, 60.0, 1.0))
+    tuned = archived(
+        COLUMN,
+        loops,
+        Uncertainty.from_error(0.2, 1),
+        Performance(tau_p=40),
+        peaks=None,
+        curves=None,
+    )
+    page = Page(report_html(tuned, MADE))
+    assert sum(tag == "mfrac" for tag, _ in page.elements) == 4 + 1  # and the weight
+    assert "no ideal form" in page.words
+    assert "Not drawn: mu, because the result has no curves." in page.words
+
+
+def test_the_certificate_is_in_the_file(tuned: Tuned) -> None:
+    """The proof can be taken out of the report and verified."""
+    claim = Claim(tuned.plant, tuned.uncertainty, tuned.performance, tuned.loops, gamma=1.001)
+    certificate, _ = prove(claim)
+    assert certificate is not None
+    result = tuned.result.model_copy(update={"certificate": certificate.to_document()})
+    page = Page(report_html(replace(tuned, result=result), MADE))
+    (link,) = [a["href"] for t, a in page.elements if a.get("download") == "certificate.json"]
+    text = base64.b64decode(link.partition(",")[2])
+    assert verify(text).ok
+    assert read_certificate(text).claim.gamma == 1.001
+    assert "μ ≤ 1.001 is proven at every frequency" in page.words
+
+
+def test_figures_are_drawn_in_a_browser_without_network(html: str, tmp_path: Path) -> None:
+    """Opened from disk, offline, every figure is drawn and nothing complains."""
+    chromium = shutil.which("chromium") or shutil.which("chromium-browser")
+    if chromium is None:
+        pytest.skip("needs Chromium")
+    file = tmp_path / "report.html"
+    file.write_text(html, "utf-8")
+    complaints: list[str] = []
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=chromium)
+        context = browser.new_context(offline=True)
+        page = context.new_page()
+        page.on("console", lambda message: complaints.append(message.text))
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.goto(file.as_uri())
+        drawn = page.locator(".plot:has(g.trace)").count()
+        browser.close()
+    assert complaints == []
+    assert drawn == 7
+
+
+def test_command_line_writes_a_report(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """`mutune tune --report FILE` writes it beside the output; JSON on stdout stays JSON."""
+    request = tmp_path / "request.json"
+    document = published().request.model_dump(mode="json") | {"search": {"starts": 1}}
+    request.write_text(json.dumps(document), "utf-8")
+    report = tmp_path / "report.html"
+    assert tune_file(request, as_json=True, report=report) == 0
+    found = json.loads(capsys.readouterr().out)["tau_p"]
+    assert f"τP = {found:.5g} time unit." in report.read_text("utf-8")
