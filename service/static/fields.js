@@ -237,8 +237,9 @@ export class Form {
     };
     box.addEventListener("change", () => (show(initial({ ...given, default: undefined })), this.update()));
     show(value);
-    const name = h("label", { class: "check" }, box, ` Give ${label(key(pointer)).toLowerCase()}`);
-    return { node: h("div", { class: "part" }, name, content), read: () => inner?.read() ?? null };
+    const help = s.description ? h("p", { class: "help" }, s.description) : null;
+    const name = h("label", { class: "check" }, box, label(key(pointer)));
+    return { node: h("div", { class: "part optional" }, name, help, content), read: () => inner?.read() ?? null };
   }
 
   /** A list of compound things. @param {Schema} s @param {any} value @param {string} pointer @returns {Widget} */
@@ -286,7 +287,7 @@ export class Form {
     size.addEventListener("change", () => (show(read()), this.update()));
     show(value ?? []);
     const node = h("fieldset", { class: "part" }, h("legend", {}, label(key(pointer))),
-      h("div", { class: "field" }, h("label", { for: id }, "Size"), h("div", { class: "box" }, size)));
+      h("div", { class: "field size" }, h("label", { for: id }, "Size"), size));
     this.place(pointer, node, s, []);
     node.append(cells);
     return { node, read };

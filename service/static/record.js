@@ -1,4 +1,4 @@
-/** Any result of the service as headings, terms and tables, by its schema. */
+/** Any result of the service as terms and tables, by its schema. */
 
 import { h, table } from "./dom.js";
 import { label, number, option, unitTag } from "./format.js";
@@ -6,31 +6,31 @@ import { resolve, variantOf } from "./schema.js";
 
 /** @typedef {import("./schema.js").Schema} Schema */
 
-const LONG = 16; // numbers that are told one by one
+const LONG = 12; // numbers, or rows, that are told one by one; the file holds them all
+const TEXT = 60; // characters that fit beside other terms
 
-const isScalar = (value) => value === null || typeof value !== "object" || isComplex(value);
 const isComplex = (value) => value !== null && Object.keys(value).join() === "re,im";
-const isRow = (value) => Array.isArray(value) && value.every(isScalar);
-const isNumbers = (value) => isRow(value) && typeof value[0] !== "string";
-const isFlat = (value) => !isScalar(value) && !Array.isArray(value) && Object.values(value).every(isShort);
-const isShort = (value) => isScalar(value) || (isNumbers(value) && value.length <= LONG);
+const isScalar = (value) => value === null || typeof value !== "object" || isComplex(value);
+const isList = (value) => Array.isArray(value) && value.every(isScalar) && typeof value[0] !== "string";
+const isPair = (value) => !Array.isArray(value) && Object.keys(value).length < 4 && Object.values(value).every(isScalar);
+const isShort = (value) => isScalar(value) || (isList(value) ? value.length <= LONG : isPair(value));
+/** Numbers that a figure shows and no table can: long lists, and stacks of matrices. */
+const isData = (value) => depth(value) > 0 && (depth(value) > 2 || value.length > LONG || value[0].length > LONG);
+const depth = (value) => (!Array.isArray(value) ? 0 : isList(value) ? 1 : value.every((row) => depth(row)) ? 1 + depth(value[0]) : 0);
+const isRecord = (value) => !isScalar(value) && !Array.isArray(value) && Object.values(value).every(isShort);
 
-/** @param {any} value @returns {string} */
-function scalar(value) {
-  if (value === true) return "yes";
-  if (value === false) return "no";
+/** @param {any} value one that is short @returns {string} */
+function short(value) {
+  if (value === null) return "–";
+  if (typeof value === "boolean") return value ? "yes" : "no";
   if (typeof value === "number") return number(value, 5);
-  if (value && isComplex(value)) {
+  if (typeof value === "string") return value;
+  if (isComplex(value)) {
+    if (value.im === 0) return number(value.re);
     return `${number(value.re)} ${value.im < 0 ? "−" : "+"} ${number(Math.abs(value.im))}i`;
   }
-  return value ?? "–";
-}
-
-/** @param {any} value */
-function short(value) {
-  if (!Array.isArray(value)) return scalar(value);
-  if (value.length <= LONG) return value.map(scalar).join(", ") || "none";
-  return `${value.length} values, ${scalar(value[0])} … ${scalar(value.at(-1))}`;
+  if (Array.isArray(value)) return value.map(short).join(", ");
+  return Object.entries(value).map(([key, item], i) => (i ? `${label(key).toLowerCase()} ${short(item)}` : short(item))).join(", ");
 }
 
 /** @param {Schema} schema @param {any} value */
@@ -45,14 +45,12 @@ function partOf(schema, value) {
  */
 export function record(value, schema, name, level = 2) {
   const s = partOf(schema, value);
-  const heading = h(/** @type {"h2"} */ (`h${Math.min(level, 6)}`), {}, label(name));
-  const part = h("section", { class: level === 2 ? "card" : "part" }, heading);
+  if (Array.isArray(value)) return list(value, s, name, level);
   const parts = Object.values(value);
-  const alike = parts.length > 1 && parts.every(isFlat) && new Set(parts.map((item) => Object.keys(item).join())).size === 1;
-  if (Array.isArray(value)) part.append(list(value, s, name, level));
-  else if (alike) part.append(sheet(name, Object.keys(value).map(label), parts, partOf(Object.values(s.properties ?? {})[0] ?? {}, parts[0])));
-  else part.append(...members(value, s, level));
-  return part;
+  const alike = parts.length > 1 && parts.every(isRecord) && new Set(parts.map((item) => Object.keys(item).join())).size === 1;
+  if (alike) return sheet(name, Object.keys(value).map(label), parts, partOf(Object.values(s.properties ?? {})[0] ?? {}, parts[0]));
+  const heading = h(/** @type {"h2"} */ (`h${Math.min(level, 6)}`), {}, label(name));
+  return h("section", { class: level === 2 ? "card" : "part" }, heading, members(value, s, level));
 }
 
 /** @param {any} value @param {Schema} s @param {number} level */
@@ -60,15 +58,15 @@ function members(value, s, level) {
   const entries = Object.entries(value)
     .filter(([, item]) => item !== null && item.length !== 0)
     .map(([key, item]) => ({ key, item, s: partOf(s.properties?.[key] ?? {}, item) }));
-  const told = entries.filter(({ item }) => isShort(item) || isNumbers(item));
-  const terms = told.map(({ key, item, s: part }) =>
-    h("div", {}, h("dt", {}, label(key)),
+  const long = entries.filter(({ item }) => isData(item));
+  const terms = entries.filter(({ item }) => isShort(item)).map(({ key, item, s: part }) =>
+    h("div", { class: String(item).length > TEXT && typeof item === "string" ? "text" : "" }, h("dt", {}, label(key)),
       h("dd", {}, short(item), " ", unitTag(part["x-unit"])),
       part.description ? h("dd", { class: "help" }, part.description) : null));
-  const rest = entries.filter((entry) => !told.includes(entry));
   return [
-    ...(terms.length ? [h("dl", {}, terms)] : []),
-    ...rest.map(({ key, item, s: part }) => record(item, part, key, level + 1)),
+    terms.length ? h("dl", {}, terms) : null,
+    ...entries.filter(({ item }) => !isShort(item) && !isData(item)).map(({ key, item, s: part }) => record(item, part, key, level + 1)),
+    long.length ? h("p", { class: "help" }, `In the file: ${long.map(({ key, item }) => `${label(key).toLowerCase()} (${item.length} values)`).join(", ")}.`) : null,
   ];
 }
 
@@ -77,23 +75,26 @@ function list(items, s, name, level) {
   if (items.every((item) => typeof item === "string")) return h("ul", {}, items.map((item) => h("li", {}, item)));
   const item = partOf(s.items ?? {}, items[0]);
   const numbered = items.map((_, i) => String(i + 1));
-  if (items.every(isRow)) {
-    const columns = Array.from({ length: items[0].length }, (_, k) => String(k + 1));
-    if (columns.length > LONG) return h("p", {}, `${items.length} × ${columns.length} values`);
-    return table(label(name), ["", ...columns], items.map((row, r) => [numbered[r], ...row.map(scalar)]));
+  if (items.every(isRecord)) return sheet(name, numbered, items, item);
+  if (items.every(isList)) {
+    const rows = items.slice(0, LONG).map((row, r) => [numbered[r], ...row.slice(0, LONG).map(short)]);
+    return rest(items, table(label(name), numbered.length ? ["", ...rows[0].slice(1).map((_, k) => String(k + 1))] : [], rows));
   }
-  if (items.every(isFlat)) return sheet(name, numbered, items, item);
-  return h("div", {}, items.map((entry, i) =>
-    h("details", { class: "part", open: i === 0 }, h("summary", {}, `${label(name)} ${i + 1}`),
-      h("div", {}, isShort(entry) ? short(entry) : members(entry, item, level + 1)))));
+  const one = label(name).replace(/ies$/, "y").replace(/s$/, "");
+  return rest(items, h("div", { class: "part" }, items.slice(0, LONG).map((entry, i) =>
+    h("details", { open: i === 0 }, h("summary", {}, `${one} ${i + 1}`), isShort(entry) ? short(entry) : members(entry, item, level + 1)))));
 }
 
 /** Things of one kind, a row each. @param {string} name @param {string[]} heads @param {any[]} items @param {Schema} s */
 function sheet(name, heads, items, s) {
-  const keys = Object.keys(items[0]);
+  const keys = Object.keys(items[0]).filter((key) => items.some((item) => item[key] !== null));
   const columns = keys.map((key) => h("span", {}, label(key), " ", unitTag(s.properties?.[key]?.["x-unit"])));
-  return table(label(name), ["", ...columns], items.map((item, i) => [heads[i], ...keys.map((key) => short(item[key]))]));
+  return rest(items, table(label(name), ["", ...columns], items.slice(0, LONG).map((item, i) => [heads[i], ...keys.map((key) => short(item[key]))])));
 }
+
+/** @param {any[]} items @param {HTMLElement} node those that are shown */
+const rest = (items, node) =>
+  h("div", { class: "part" }, node, items.length > LONG ? h("p", { class: "help" }, `${items.length - LONG} more in the file.`) : null);
 
 /** What a request asks for, in a line. @param {any} request */
 export function summary(request) {

@@ -6,7 +6,7 @@ import { Form } from "./fields.js";
 import { fetchFigures, showFigures } from "./figures.js";
 import { label, rememberUnit, setTimeUnit, timeUnit, unitOf } from "./format.js";
 import { record } from "./record.js";
-import { exists, faults, initial, operation, resolve } from "./schema.js";
+import { analyses, exists, faults, initial, operation, resolve } from "./schema.js";
 import { plantFormula } from "./symbols.js";
 
 /** @typedef {import("./main.js").View} View */
@@ -86,9 +86,13 @@ export async function requestView({ main, signal, go }, path, { from, title }) {
   };
 
   const { items } = await request("GET", "/v1/examples", { signal });
+  // Examples are called after their analysis; its own come first, then the plants of the others.
+  const areas = analyses().map(({ name }) => name.replaceAll("-", "_").replace(/s$/, "s?")).join("|");
+  const own = op.name.replaceAll("-", "_").replace(/s$/, "");
+  items.sort((a, b) => Number(b.name.startsWith(own)) - Number(a.name.startsWith(own)));
   const offers = items
-    .map((item) => ({ name: label(item.name), value: fitting(op.input, item.request) }))
-    .filter((offer) => faults(op.input, offer.value).length === 0);
+    .map((item) => ({ name: label(item.name.replace(new RegExp(`^(${areas})_`), "")), value: fitting(op.input, item.request) }))
+    .filter((offer, i, all) => faults(op.input, offer.value).length === 0 && all.findIndex(({ name }) => name === offer.name) === i);
   if (!offers.length) offers.push({ name: "Example", value: initial(op.input) });
   const chip = (name, value) =>
     h("button", { type: "button", class: "chip", onclick: () => show(value) }, name);
@@ -97,11 +101,11 @@ export async function requestView({ main, signal, go }, path, { from, title }) {
 
   show(start);
   main.replaceChildren(
-    h("header", { class: "lead" }, h("h1", { tabindex: "-1" }, title ?? op.summary), h("p", {}, resolve(op.input).description)),
-    h("div", { class: "chips" }, h("span", {}, "Start from"),
-      offers.map((offer) => chip(offer.name, offer.value)), chip("Empty form", initial(op.input, false)),
-      h("div", { class: "field" }, h("label", { for: "unit" }, "Unit of time"), unit),
+    h("header", { class: "lead" }, h("h1", { tabindex: "-1" }, title ?? op.summary), h("p", {}, resolve(op.input).description),
+      h("div", { class: "field unit-of-time" }, h("label", { for: "unit" }, "Unit of time"), unit),
       h("datalist", { id: "units" }, ["s", "min", "h"].map((value) => h("option", { value })))),
+    h("div", { class: "chips" }, h("span", {}, "Start from"),
+      offers.map((offer) => chip(offer.name, offer.value)), chip("Empty form", initial(op.input, false))),
     h("div", { class: "split" }, place,
       h("aside", { class: "card" },
         formulas, problem, button)),

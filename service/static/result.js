@@ -30,7 +30,7 @@ function units(group) {
 }
 
 /** The result in a few sentences. @param {any} job */
-export function headline({ result, request: asked }) {
+function headline({ result, request: asked }) {
   const byTime = result.objective === "tau_p";
   const value = byTime ? result.tau_p : result.peaks?.robust_performance.value;
   const met = byTime || value <= 1;
@@ -39,7 +39,7 @@ export function headline({ result, request: asked }) {
     : `Peak of μ at τₚ = ${number(asked.performance.tau_p)}: the demand is ${met ? "met" : "not met"} for every plant within the uncertainty`;
   return h("section", { class: `card hero${met ? "" : " missed"}` },
     h("p", {}, h("strong", { class: "big" }, number(value)), " ", byTime ? unitTag("time") : h("span", { class: "unit" }, "μ")),
-    h("p", {}, what, "."), gainOf(result));
+    h("p", {}, what, "."), gainOf(result), result.peaks ? peakMeters(result.peaks) : null);
 }
 
 /** What asymmetry buys. @param {any} result */
@@ -53,8 +53,8 @@ function gainOf({ comparison, objective }) {
 }
 
 /** @param {any} peaks */
-export function peakMeters(peaks) {
-  return h("section", { class: "card" }, h("h2", {}, "Peaks of μ"),
+function peakMeters(peaks) {
+  return h("div", { class: "peaks" }, h("h2", {}, "Peaks of μ"),
     Object.entries(peaks).map(([name, { value, omega }]) =>
       h("div", { class: "peak" }, h("span", {}, PEAKS[name] ?? label(name)),
         h("meter", { min: 0, max: 1.25, high: 1.0000011, value: value ?? 1.25, "aria-label": PEAKS[name] ?? name }),
@@ -73,12 +73,11 @@ export function resultView(body, job) {
     h("h3", {}, "What to try"), h("ul", {}, ADVICE.map((text) => h("li", {}, text))));
   const figures = h("div", { class: "figures" });
   put(body,
-    h("div", { class: "cards" }, found ? headline(job) : infeasible, found ? settings(result) : null,
-      result.peaks ? peakMeters(result.peaks) : null, certificate(job)),
+    h("div", { class: "cards" }, found ? headline(job) : infeasible, found ? settings(result) : null),
     result.warnings.length ? h("section", { class: "card warning" }, h("h2", {}, "Look at this twice"),
       h("ul", {}, result.warnings.map((text) => h("li", {}, sentence(text))))) : null,
     actions(job), figures,
-    h("div", { class: "cards" }, found ? optima(result) : null, inputs(job)));
+    h("div", { class: "cards" }, certificate(job), inputs(job)));
   if (exists("/v1/tunings/{job_id}/figures", "get")) {
     showFigures(figures, figuresOf(id), `mutune-${id.slice(0, 8)}`);
   }
@@ -152,22 +151,11 @@ function certificate({ id, result }) {
     h("button", { type: "button", onclick: save }, "Download certificate"));
 }
 
-/** @param {any} result */
-function optima({ search, objective }) {
-  const rows = search.local_optima.slice(0, 8).map((one, i) => [
-    String(i + 1), h("span", { class: "value" }, number(one.value)), String(one.count),
-    one.loops.map((loop) => `${loop.units > 1 ? `${loop.units} × ` : ""}(${number(loop.gain, 3)}, ${number(loop.integral_time, 3)})`).join(" "),
-  ]);
-  const value = objective === "tau_p" ? `τₚ, ${timeUnit()}` : "μ";
-  return h("section", { class: "card" }, h("h2", {}, "The search"),
-    h("p", { class: "help" }, `${search.starts} starts in ${duration(search.elapsed_seconds)}, seed ${search.seed}; ${search.local_optima.length} local optima.`),
-    table("Local optima, best first", ["", value, "Starts", "Gain, integral time"], rows));
-}
-
 /** @param {any} job */
-function inputs({ request: asked, id }) {
+function inputs({ request: asked, id, result: { search } }) {
   const text = JSON.stringify(asked, null, 2);
   return h("section", { class: "card" }, h("h2", {}, "What was asked"),
+    h("p", { class: "help" }, `${search.starts} starts in ${duration(search.elapsed_seconds)}, seed ${search.seed}, ${search.local_optima.length} local optima.`),
     h("details", {}, h("summary", {}, "Request"), h("pre", { tabindex: "0" }, text)),
     h("button", { type: "button", onclick: () => download(`mutune-${id.slice(0, 8)}-request.json`, text, "application/json") }, "Download request"));
 }
