@@ -178,20 +178,15 @@ def margins(loop: Response, omega: NDArray[np.float64]) -> Margins:
 
     """
     omega, L = _refined(loop, omega)
-    increase, decrease = _gain_margins(loop, omega, L)
-    crossings = _roots(lambda x: np.log(_size(loop(np.exp(x)))), omega, np.log(_size(L)))
-    lag = np.mod(np.angle(loop(crossings)) + math.pi, 2 * math.pi) if crossings.size else crossings
+    on_axis, crossings, below = _roots(loop, omega, L, (_sine, _gain, _inverse_sensitivity))
+    increase, decrease = _gain_margins(loop(on_axis), L[-1])
+    lag = np.mod(np.angle(loop(crossings)) + math.pi, 2 * math.pi)
     phase_margin = delay_margin = math.inf
     if crossings.size:
         phase_margin = math.degrees(float(np.min(np.minimum(lag, 2 * math.pi - lag))))
         delay_margin = float(np.min(lag / crossings))
     if abs(L[-1]) >= 1:
         delay_margin = 0.0  # gain above one at all high frequencies: any dead time is too much
-    below = _roots(
-        lambda x: np.log(np.abs(1 + loop(np.exp(x))) * HALF_POWER),
-        omega,
-        np.log(np.abs(1 + L) * HALF_POWER),
-    )
 
     def sensitivity(at: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.abs(1 / (1 + loop(at)))
@@ -215,25 +210,33 @@ def _first(roots: NDArray[np.float64]) -> float:
     return float(roots[0]) if roots.size else math.inf
 
 
-def _gain_margins(
-    loop: Response, omega: NDArray[np.float64], L: NDArray[np.complex128]
-) -> tuple[float, float]:
-    def sine(x: NDArray[np.float64]) -> NDArray[np.float64]:
-        value = loop(np.exp(x))
-        return value.imag / _size(value)
-
-    # Dead time makes the curve cross the axis for ever, but ever nearer to zero.
-    last = int(np.flatnonzero(np.abs(L) > NEGLIGIBLE).max(initial=-2)) + 2
-    crossings = _roots(sine, omega[:last], (L.imag / _size(L))[:last])
-    values = loop(crossings).real if crossings.size else crossings
+def _gain_margins(values: NDArray[np.complex128], end: complex) -> tuple[float, float]:
+    """Factors that take the curve's points on the real axis to -1; `end` is its last point."""
+    real = values.real
     # The curve may end on the negative real axis: a biproper loop.
-    ends = L[[-1]].real[np.abs(L[[-1]].imag) < 1e-6 * np.abs(L[[-1]])]
-    values = np.concatenate([values, ends])
-    factors = -1 / values[values < -NEGLIGIBLE]
+    if abs(end.imag) < 1e-6 * abs(end):
+        real = np.append(real, end.real)
+    factors = -1 / real[real < -NEGLIGIBLE]
     return (
         float(np.min(factors[factors >= 1], initial=math.inf)),
         float(np.max(factors[factors < 1], initial=0.0)),
     )
+
+
+def _sine(L: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Return the sine of the phase; where L is negligible, NaN.
+
+    Dead time makes the curve cross the real axis for ever, but ever nearer to zero.
+    """
+    return np.where(np.abs(L) > NEGLIGIBLE, L.imag / _size(L), np.nan)
+
+
+def _gain(L: NDArray[np.complex128]) -> NDArray[np.float64]:
+    return np.log(_size(L))
+
+
+def _inverse_sensitivity(L: NDArray[np.complex128]) -> NDArray[np.float64]:
+    return np.log(_size(1 + L) * HALF_POWER)
 
 
 def _size(L: NDArray[np.complex128]) -> NDArray[np.float64]:
@@ -242,26 +245,31 @@ def _size(L: NDArray[np.complex128]) -> NDArray[np.float64]:
 
 
 def _roots(
-    function: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    loop: Response,
     omega: NDArray[np.float64],
-    values: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    """Return the ascending frequencies where `function` of log omega changes its sign."""
-    change = np.flatnonzero(np.signbit(values[:-1]) != np.signbit(values[1:]))
-    if change.size == 0:
-        return np.empty(0)
+    L: NDArray[np.complex128],
+    functions: Sequence[Callable[[NDArray[np.complex128]], NDArray[np.float64]]],
+) -> list[NDArray[np.float64]]:
+    """Return the ascending frequencies where each function of L changes its sign."""
+    on_grid = np.stack([function(L) for function in functions])
+    negative, known = np.signbit(on_grid), ~np.isnan(on_grid)
+    which, change = np.nonzero((negative[:, :-1] != negative[:, 1:]) & known[:, :-1] & known[:, 1:])
     low, high = np.log(omega[change]), np.log(omega[change + 1])
-    at_low, at_high = values[change], values[change + 1]
+    at_low, at_high = on_grid[which, change], on_grid[which, change + 1]
     column = np.arange(change.size)
-    for _ in range(ROOT_ROUNDS):
+    for _ in range(ROOT_ROUNDS if change.size else 0):
         points = np.linspace(low, high, SECTIONS + 1)
-        inner = function(points[1:-1].ravel()).reshape(SECTIONS - 1, change.size)
-        inside = np.vstack([at_low, inner, at_high])
+        values = loop(np.exp(points[1:-1].ravel())).reshape(SECTIONS - 1, change.size)
+        inside = np.vstack([at_low, np.zeros(values.shape), at_high])
+        for index, function in enumerate(functions):
+            mine = which == index
+            inside[1:-1, mine] = function(values[:, mine])
+        inside = np.where(np.isnan(inside), at_low, inside)
         first = np.argmax(np.signbit(inside) != np.signbit(at_low), axis=0)
         low, high = points[first - 1, column], points[first, column]
         at_low, at_high = inside[first - 1, column], inside[first, column]
-    roots: NDArray[np.float64] = np.exp(low + (high - low) * at_low / (at_low - at_high))
-    return roots
+    roots = np.exp(low + (high - low) * at_low / (at_low - at_high))
+    return [roots[which == index] for index in range(len(functions))]
 
 
 def _refined(

@@ -12,9 +12,10 @@ mu(N) is the largest m for which a vector v satisfies, in every block i of the u
 are the D-scaled problem seen from the other side (X = D^2), so there are two ways to a v:
 
 1. the top singular vector of D N D^-1 at the best D, which meets the upper bound wherever that
-   singular value is simple;
-2. elsewhere the power iteration of Packard, Fan and Doyle (1988) from several starts, then
-   Newton's method on the conditions above.
+   singular value is simple; where it is repeated, random mixtures of its vectors, then Newton's
+   method on the conditions above;
+2. for what is left, the power iteration of Packard, Fan and Doyle (1988) from several starts,
+   and Newton's method again.
 
 Whatever way a v was found, the bound reported is the spectral radius of N Delta for its Delta.
 """
@@ -33,14 +34,16 @@ if TYPE_CHECKING:
 
 __all__ = ["LowerBound", "lower_bound"]
 
-ROUNDS = 2  # of the search, the second one for what the first left open
+MIXTURES = 6  # of the top singular vectors: one suffices in 99 of 100 cases that are exact
+ACTIVE = 1e-3  # relative distance from the greatest singular value that counts as equal
+ROUNDS = 2  # of the search, each for what the ones before left open
 STARTS = 4
 POWER_ITERATIONS = 40
 POLISHED = 2  # of the starts, the best ones
 NEWTON_STEPS = 10
 TIGHT = 1e-9  # relative gap to the upper bound that is worth Newton steps
 CLOSED = 1e-7  # gap that is worth a search: a tenth of what is promised for three blocks
-DAMPING = 1e-9  # of the balanced normal equations: blocks that do not matter make them singular
+DAMPING = 1e-11  # of the balanced normal equations: blocks that do not matter make them singular
 SMALLEST = 1e-300
 
 
@@ -99,10 +102,14 @@ def lower_bound(
     upper = sigma[:, 0]
     v = right[:, 0].conj()
     best = _attained(balanced, v, blocks)
-    unmet = np.flatnonzero(best.mu < (1 - TIGHT) * upper)
-    if unmet.size:
-        polished = _newton(balanced[unmet], v[unmet], v[unmet], blocks)
-        _keep_better(best, unmet, _attained(balanced[unmet], polished, blocks))
+    generator = np.random.default_rng(0)
+    for attempt in range(MIXTURES):
+        gap = CLOSED if attempt else TIGHT
+        unmet = np.flatnonzero(best.mu < (1 - gap) * upper)
+        if unmet.size:
+            v = _mixture(sigma[unmet], right[unmet], generator)
+            polished = _newton(balanced[unmet], v, v, blocks)
+            _keep_better(best, unmet, _attained(balanced[unmet], polished, blocks))
     for seed in range(ROUNDS):
         unmet = np.flatnonzero(best.mu < (1 - CLOSED) * upper)
         if unmet.size:
@@ -147,6 +154,19 @@ def _attained(N: NDArray[np.complex128], v: NDArray[np.complex128], blocks: _Blo
     mu = np.abs(largest)
     turn = largest.conj() / np.maximum(mu, SMALLEST)
     return LowerBound(mu, Delta * turn[:, None, None])
+
+
+def _mixture(
+    sigma: NDArray[np.float64], right: NDArray[np.complex128], generator: np.random.Generator
+) -> NDArray[np.complex128]:
+    """Return random vectors from the span of the top singular vectors, (k, p).
+
+    At the best scales every v that attains the upper bound lies in it.
+    """
+    active = sigma >= (1 - ACTIVE) * sigma[:, :1]
+    real, imaginary = generator.standard_normal((2, *sigma.shape))
+    weights = np.where(active, real + 1j * imaginary, 0)
+    return _unit(np.einsum("kj,kji->ki", weights, right.conj()))
 
 
 def _search(N: NDArray[np.complex128], blocks: _Blocks, seed: int) -> LowerBound:

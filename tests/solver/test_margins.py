@@ -75,6 +75,13 @@ def test_pure_integrator_has_the_limits_of_its_curves() -> None:
     assert found.delay_margin == pytest.approx(math.pi / 2, rel=1e-12)
 
 
+def test_crossings_on_a_point_of_the_grid_are_found() -> None:
+    """L = 1/s crosses one at 1 rad, which is a point of this grid; its bandwidth is there too."""
+    found = margins(TransferFunction([1], [1, 0]).response, np.geomspace(1e-6, 1e6, 13))
+    assert found.crossover == pytest.approx(1, rel=1e-12)
+    assert found.bandwidth == pytest.approx(1, rel=1e-12)
+
+
 def test_gain_at_all_frequencies_tolerates_no_dead_time() -> None:
     """L = 2 + 1/s never falls below one: the delay margin is zero, the phase margin infinite."""
     found = of([2, 1], [1, 0])

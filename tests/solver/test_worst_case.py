@@ -174,6 +174,24 @@ def test_a_thousand_units_in_two_groups_are_exact() -> None:
     assert units == list(range(1000))
 
 
+@pytest.mark.parametrize("seed", range(12))
+def test_two_groups_of_any_size_are_exact(seed: int) -> None:
+    """Random plants and settings, odd and even groups: the bounds meet to 1e-6."""
+    generator = np.random.default_rng(seed)
+    sizes = generator.integers(1, 8, 2)
+    n = int(sizes.sum())
+    interaction = generator.uniform(-0.8 / (n - 1), 0.9)
+    plant = first_order(n, 1, generator.uniform(5, 100), interaction, generator.choice([0, 0.5]))
+    first, second = (
+        Controller(10 ** generator.uniform(-1, 1), 10 ** generator.uniform(0.5, 2))
+        for _ in range(2)
+    )
+    loops = (first,) * int(sizes[0]) + (second,) * int(sizes[1])
+    structure = Structure.FULL if seed % 3 == 2 else Structure.DIAGONAL
+    lower, upper = bounds(loop_of(plant, loops, Uncertainty.from_error(0.2, 1, structure), 30))
+    assert lower == pytest.approx(upper, rel=1e-6)
+
+
 def test_symmetric_settings_may_have_an_asymmetric_worst_case() -> None:
     """Two identical loops: where sum and difference are both active, the inputs err apart."""
     analysis, omega = loop_of(*CASES["identical"]), np.array([0.1])
