@@ -146,7 +146,7 @@ class _Integrator:
         # operators are computed once.
         self.wanted = min(duration / _FIRST_GUESS, self.shortest)
         self.since_change = self.switches = 0
-        self.trajectory = Trajectory()
+        self.trajectory = Trajectory(self.tolerance)
         self.max_steps = min(MAX_STEPS, int(_MAX_VALUES / ((DEGREE + 1) * system.C.shape[0])))
 
     def run(self, outputs: list[int], bound: float) -> tuple[Trajectory, End]:

@@ -28,9 +28,17 @@ _ROUNDING = 1e-9
 
 
 class Trajectory:
-    """Signals from time zero on, one polynomial a signal and step; jumps lie between steps."""
+    """Signals from time zero on, one polynomial a signal and step; jumps lie between steps.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    resolution : float
+        Times nearer than this are one.
+
+    """
+
+    def __init__(self, resolution: float) -> None:
+        self._resolution = resolution
         self._starts: list[float] = []
         self._lengths: list[float] = []
         self._values: list[NDArray[np.float64]] = []
@@ -81,7 +89,8 @@ class Trajectory:
 
         Zero before time zero.
         """
-        slack = _ROUNDING * length
+        # Rounding of a time may be more than the share of a short step, but never half of it.
+        slack = min(max(_ROUNDING * length, 2 * self._resolution), length / 4)
         if start + length <= slack:
             return np.zeros((DEGREE + 1, signals.size))
         # The ends belong to the steps inside the interval, whatever rounding made of them.

@@ -112,7 +112,7 @@ def test_breakpoints_smooth_out_behind_states_and_fade_behind_direct_paths() -> 
 
 def test_samples_are_right_continuous() -> None:
     """At a jump a sample is the value after it."""
-    trajectory = Trajectory()
+    trajectory = Trajectory(1e-12)
     for start, value in ((0.0, 1.0), (1.0, 5.0)):
         trajectory.append(start, 1.0, np.full((NODES.size, 1), value))
     np.testing.assert_allclose(trajectory.sample(0, [0.0, 0.5, 1.0, 2.0]), [1, 1, 5, 5])
