@@ -60,12 +60,6 @@ class Interval:
         half_disk = acb(reach * arb(0.5, 0.5), reach * arb(0, 1))
         return Frame(acb_poly([half_disk]), inverse=True, any_phase=True)
 
-    def at(self, omega: float) -> Frame:
-        """Return the one finite frequency `omega`, in this interval's variable."""
-        s = acb(0, omega)
-        variable = acb_poly([1 / s if self.unbounded else s])
-        return Frame(variable, inverse=self.unbounded, any_phase=False)
-
 
 @dataclass(frozen=True, eq=False)
 class Frame:
@@ -86,6 +80,12 @@ class Frame:
     variable: acb_poly
     inverse: bool
     any_phase: bool
+
+    @classmethod
+    def at(cls, omega: float, *, inverse: bool) -> Frame:
+        """Return the one frequency `omega` (rad per time unit), in the variable s or 1/s."""
+        s = acb(0, omega)
+        return cls(acb_poly([1 / s if inverse else s]), inverse=inverse, any_phase=False)
 
     @cached_property
     def sigma(self) -> TaylorModel:

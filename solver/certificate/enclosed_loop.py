@@ -229,9 +229,10 @@ class EnclosedLoop:
             ]
             identity.append(powers)
             plant.append(row)
+            sigma_powers = powers * self.frame.sigma
             return_difference.append(
                 [
-                    (powers * self.frame.sigma).scaled(t) + g * self._controllers[x]
+                    sigma_powers.scaled(t) + g * self._controllers[x]
                     for t, g, x in zip(block.combination[r], row, block.settings, strict=True)
                 ]
             )

@@ -15,18 +15,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from flint import acb, acb_mat, arb, arb_mat, fmpq
 
 from solver.certificate.enclosed_loop import EnclosedLoop, Loop
-from solver.enclosures import Interval
+from solver.enclosures import Frame, Interval
 from solver.taylor_model import UnenclosedError, control_points
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from solver.enclosures import Frame
 
 __all__ = ["Gap", "Turns", "examine", "unstable_poles"]
 
@@ -135,7 +135,7 @@ def _turn_along_the_axis(enclosed: EnclosedLoop, index: int, interval: Interval)
     if multiplier is None or not all(_is_near_identity(multiplier * point) for point in hull):
         return None
     low, high = (
-        _argument(multiplier, enclosed.loop, index, interval.at(end))
+        _argument(multiplier, enclosed.loop, index, interval, end)
         for end in (interval.low, interval.high)
     )
     return high - low
@@ -144,23 +144,30 @@ def _turn_along_the_axis(enclosed: EnclosedLoop, index: int, interval: Interval)
 def _turn_to_the_real_axis(loop: Loop, index: int, interval: Interval) -> arb | None:
     """Return the change of argument of det E from j low to the real axis, at a large |s|."""
     # The half disk holds both the axis beyond low and the arc that closes the contour.
-    E = _values(loop, index, interval.tail)
+    E = _values(EnclosedLoop(loop, interval.tail), index)
     # A real multiplier keeps the determinant real at real s; near the identity it is positive.
     multiplier = _approximate_inverse(E.real)
     if multiplier is None or not _is_near_identity(multiplier * E):
         return None
     # Here the rows lack their powers of s, which turn by a quarter each.
     powers = E.nrows() + sum(loop.blocks[index].integrators)
-    return -powers * arb.pi() / 2 - _argument(multiplier, loop, index, interval.at(interval.low))
+    return -powers * arb.pi() / 2 - _argument(multiplier, loop, index, interval, interval.low)
 
 
-def _argument(multiplier: acb_mat, loop: Loop, index: int, frame: Frame) -> arb:
-    return (multiplier * _values(loop, index, frame)).det().arg()
+def _argument(multiplier: acb_mat, loop: Loop, index: int, interval: Interval, omega: float) -> arb:
+    E = _values(_at(loop, omega, inverse=interval.unbounded), index)
+    return (multiplier * E).det().arg()
 
 
-def _values(loop: Loop, index: int, frame: Frame) -> acb_mat:
-    """Return balls that hold E over a frame."""
-    E = EnclosedLoop(loop, frame).blocks[index].return_difference
+@lru_cache(maxsize=2)
+def _at(loop: Loop, omega: float, *, inverse: bool) -> EnclosedLoop:
+    """Return the loop at one frequency; an interval's end is the start of the next."""
+    return EnclosedLoop(loop, Frame.at(omega, inverse=inverse))
+
+
+def _values(enclosed: EnclosedLoop, index: int) -> acb_mat:
+    """Return balls that hold E of a block over the frame of `enclosed`."""
+    E = enclosed.blocks[index].return_difference
     return acb_mat([[element.values for element in row] for row in E])
 
 

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
+from typer.testing import CliRunner
+
+from service.cli import app
 from solver.certificate import Certificate
 
 CHECK = """
@@ -34,27 +39,30 @@ def test_a_certificate_verifies_in_a_process_that_has_only_its_json(
 
 
 def test_the_command_exits_with_0_or_1(certificate: Certificate, tmp_path: Path) -> None:
-    """``mutune verify``: 0 and the level for a proof, 1 and the interval for a refusal."""
-    sound, altered, missing = (tmp_path / f"{name}.json" for name in ("sound", "altered", "none"))
+    """``mutune verify``: 0 and the level for a proof, 1 and the place for a refusal."""
+    sound, altered = tmp_path / "sound.json", tmp_path / "altered.json"
     sound.write_text(json.dumps(certificate.to_document()))
     document = certificate.to_document()
     document["intervals"][2]["scales"][0] *= 2
     altered.write_text(json.dumps(document))
-    proven = _command(sound)
-    assert proven.returncode == 0
+    proven = CliRunner().invoke(app, ["verify", str(sound)])
+    assert proven.exit_code == 0
     assert "mu <= 1.0004" in proven.stdout
-    refused = _command(altered)
-    assert refused.returncode == 1
+    refused = CliRunner().invoke(app, ["verify", str(altered)])
+    assert refused.exit_code == 1
     assert "/digest" in refused.stderr
-    assert "Traceback" not in refused.stderr
-    assert _command(missing).returncode == 2
 
 
-def _command(path: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(  # noqa: S603 - the same
-        [sys.executable, "-c", "from service.cli import main; main()", "verify", str(path)],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=120,
-    )
+def test_the_command_names_the_interval_that_fails(
+    certificate: Certificate, tmp_path: Path
+) -> None:
+    """A sealed certificate of a level below the peak is refused near 0.0314 rad."""
+    path = tmp_path / "too_low.json"
+    too_low = replace(certificate, claim=replace(certificate.claim, gamma=1.0003))
+    path.write_text(json.dumps(too_low.to_document()))
+    refused = CliRunner().invoke(app, ["verify", str(path)])
+    assert refused.exit_code == 1
+    found = re.search(r"from ([\d.]+) to ([\d.]+) rad", refused.stderr)
+    assert found
+    assert float(found[1]) < 0.0314362
+    assert float(found[2]) > 0.02
