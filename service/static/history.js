@@ -69,7 +69,15 @@ export async function historyView({ main, signal, keep }) {
 const flat = (value, pointer = "") =>
   value !== null && typeof value === "object"
     ? Object.entries(value).flatMap(([key, item]) => flat(item, `${pointer}/${key}`))
-    : [[pointer, value === null ? "–" : String(value)]];
+    : [[pointer, typeof value === "number" ? number(value) : String(value ?? "–")]];
+
+/** What is worth comparing. @param {any} result */
+const essence = ({ tau_p, peaks, comparison, loops, groups }) => ({
+  tau_p,
+  peak: Object.fromEntries(Object.entries(peaks ?? {}).map(([name, { value }]) => [name, value])),
+  gain_of_asymmetry: comparison && `${number(comparison.gain_percent, 3)} %`,
+  ...Object.fromEntries(groups.map(([first], i) => [`group_${i + 1}`, loops[first] ?? {}])),
+});
 
 /** @param {View} view @param {URLSearchParams} query */
 export async function compareView({ main, signal, go }, query) {
@@ -92,34 +100,21 @@ export async function compareView({ main, signal, go }, query) {
   setTimeUnit(unitOf(ids[0]) ?? "time units");
   const jobs = await Promise.all(ids.map((id) => request("GET", `/v1/tunings/${id}`, { signal })));
   const heads = jobs.map((job, i) => h("a", { href: `#/tunings/${job.id}` }, `${i ? "Second" : "First"}: ${summary(job.request).title}`));
-  const cells = (/** @type {(job: any) => any} */ get) => jobs.map((job) => h("span", { class: "value" }, job.result ? get(job) : "–"));
-  const peak = (name) => cells(({ result }) => number(result.peaks?.[name].value));
-  const loops = (/** @type {any} */ { result }) => result.groups.map((group) => result.loops[group[0]])
-    .map((l) => l && `(${[l.gain, l.integral_time, l.derivative_time].filter(Boolean).map((x) => number(x)).join(", ")})`).join(" ");
-  const results = [
-    ["Time constant τₚ", ...cells(({ result }) => number(result.tau_p))],
-    ["Robust performance, peak μ", ...peak("robust_performance")],
-    ["Robust stability, peak μ", ...peak("robust_stability")],
-    ["Nominal performance, peak", ...peak("nominal_performance")],
-    ["Gain of asymmetry, %", ...cells(({ result }) => number(result.comparison?.gain_percent))],
-    ["Settings: gain and times", ...cells(loops)],
-    ["Computing time, s", ...cells(({ result }) => number(result.search.elapsed_seconds, 3))],
-  ];
-  const [first, second] = jobs.map((job) => new Map(flat(job.request)));
-  const differing = [...new Set([...first.keys(), ...second.keys()])].filter((key) => first.get(key) !== second.get(key));
+  const told = jobs.map(({ result }) => new Map(flat(result ? essence(result) : {})));
+  const asked = jobs.map((job) => new Map(flat(job.request)));
+  const rows = (sides, every) => [...new Set(sides.flatMap((side) => [...side.keys()]))]
+    .filter((at) => every || sides[0].get(at) !== sides[1].get(at))
+    .map((at) => [at.split("/").slice(1).map(label).join(" › "), ...sides.map((side) => h("span", { class: "value" }, side.get(at) ?? "–"))]);
+  const differing = rows(asked, false);
   const columns = h("div", { class: "figures" });
   body.replaceChildren(
-    h("section", { class: "card" }, table("Results", ["", ...heads], results)),
+    h("section", { class: "card" }, table("Results", ["", ...heads], rows(told, true))),
     h("section", { class: "card" }, differing.length
-      ? table("Where the requests differ", ["", "First", "Second"], differing.map((key) =>
-        [key.split("/").slice(1).map(label).join(" › "), first.get(key) ?? "–", second.get(key) ?? "–"]))
+      ? table("Where the requests differ", ["", "First", "Second"], differing)
       : h("p", {}, "The requests are the same.")),
     columns);
   if (!exists("/v1/tunings/{job_id}/figures", "get") || jobs.some((job) => !job.result?.loops.length)) return;
-  const sides = jobs.map((job) => {
-    const place = h("div", { class: "side" });
-    return { job, place };
-  });
+  const sides = jobs.map((job) => ({ job, place: h("div", { class: "side" }) }));
   columns.replaceChildren(...sides.map(({ place }) => place));
   for (const { job, place } of sides) {
     await showFigures(place, figuresOf(job.id), `mutune-${job.id.slice(0, 8)}`);

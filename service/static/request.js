@@ -2,7 +2,7 @@
 
 import { newKey, Problem, request } from "./api.js";
 import { download, h } from "./dom.js";
-import { Form } from "./fields.js";
+import { Form } from "./form.js";
 import { fetchFigures, showFigures } from "./figures.js";
 import { label, rememberUnit, setTimeUnit, timeUnit, unitOf } from "./format.js";
 import { record } from "./record.js";

@@ -100,7 +100,8 @@ function settings({ loops, groups }) {
     const form = FORMS[read()];
     const answers = (await forms).forms;
     const given = answers.map((answer) => answer[form]);
-    const described = resolve(resolve(help).properties[form]);
+    const { description: _, ...part } = resolve(help).properties[form]; // its own says less than the form's
+    const described = resolve(part);
     const keys = Object.keys(described.properties).filter((key) => given.some((g) => g?.[key]));
     const unit = (key) =>
       key.endsWith("_time") ? unitText("time") : key === "integral_gain" ? `1/${timeUnit()}` : key === "derivative_gain" ? timeUnit() : "";
@@ -137,6 +138,7 @@ function actions(job) {
     h("a", { class: "button", href: `#/?from=${id}` }, "Change and run again"),
     h("a", { class: "button", href: `#/compare?a=${id}` }, "Compare"),
     h("button", { type: "button", onclick: link }, "Copy link"),
+    result.loops.length ? h("span", { class: "help" }, "Look further:") : null,
     result.loops.length ? further.map((op) => h("a", { class: "button quiet", href: `#/analyses/${op.name}?from=${id}` }, label(op.name))) : null);
 }
 

@@ -1,0 +1,155 @@
+/** Fields of fields: records, unions, optional parts, lists and matrices. */
+
+import { h } from "./dom.js";
+import { key, newId, segments } from "./fields.js";
+import { label, option } from "./format.js";
+import { faults, initial, resolve, variantOf } from "./schema.js";
+import { transferFunction } from "./symbols.js";
+
+/** @typedef {import("./schema.js").Schema} Schema */
+/** @typedef {import("./form.js").Form} Form */
+/** @typedef {import("./form.js").Widget} Widget */
+
+/** Parts that most people leave as they are. */
+const FOLDED = new Set(["search", "bounds", "scenario"]);
+/** Fields that make sense with certain values of others only. @type {Record<string, (value: any) => boolean>} */
+const RELEVANT = {
+  "/controller/group_sizes": (value) => value.controller?.arrangement === "grouped",
+  "/performance/tau_p": (value) => value.objective !== "tau_p",
+};
+
+/** @param {Form} form @param {Schema} s @param {any} value @param {string} pointer @returns {Widget} */
+export function object(form, s, value, pointer) {
+  const name = key(pointer);
+  const parts = Object.entries(s.properties ?? {}).map(([property, part]) => {
+    const below = `${pointer}/${property}`;
+    const given = value && property in value ? value[property] : initial(part, false);
+    const widget = form.build(part, given, below);
+    if (RELEVANT[below]) form.conditions.set(below, { node: widget.node, holds: RELEVANT[below] });
+    return { property, widget };
+  });
+  const read = () => {
+    const entries = parts.map(({ property, widget }) => [property, widget.node.hidden && !isConst(widget) ? null : widget.read()]);
+    return Object.fromEntries(entries.filter(([, item]) => item !== undefined));
+  };
+  const fields = h("div", { class: "fields" }, parts.map(({ widget }) => widget.node));
+  if (s.title === "TransferFunction") {
+    const view = h("div", { class: "formula" });
+    const draw = () => view.replaceChildren(transferFunction(read()) ?? "");
+    fields.addEventListener("input", draw);
+    fields.append(view);
+    draw();
+  }
+  const folded = FOLDED.has(name);
+  const node = folded
+    ? h("details", { class: "part" }, h("summary", {}, label(name)))
+    : h("fieldset", { class: pointer.split("/").length === 2 ? "part card" : "part" },
+      h("legend", {}, label(name)));
+  form.place(pointer, node, s, []);
+  node.append(fields);
+  return { node, read };
+}
+
+/** Several forms of one thing. @param {Form} form @param {Schema} s @param {any} value @param {string} pointer @returns {Widget} */
+export function union(form, s, value, pointer) {
+  const forms = /** @type {Schema[]} */ (s.variants);
+  const name = label(key(pointer));
+  const titles = forms.map((form) => option(form.properties?.kind?.const ?? form.title).replace(`${name} `, ""));
+  const content = h("div");
+  let chosen = forms.indexOf(variantOf(forms, value));
+  /** @type {Widget} */
+  let inner;
+  const show = (given) => {
+    form.forget(pointer);
+    inner = object(form, forms[chosen], given, pointer);
+    inner.node.className = "bare";
+    content.replaceChildren(inner.node);
+  };
+  const { node, read } = segments(`${name}, given as`, titles, chosen);
+  node.addEventListener("change", () => {
+    const old = inner.read();
+    chosen = read();
+    const blank = Object.entries(forms[chosen].properties ?? {}).map(([k, part]) => [k, old[k] !== undefined && sameKind(part, old[k]) ? old[k] : initial(part)]);
+    show(Object.fromEntries(blank));
+    form.update();
+  });
+  show(value);
+  const whole = h("fieldset", { class: "part union" }, h("legend", {}, name), node, content);
+  return { node: whole, read: () => inner.read() };
+}
+
+/** @param {Form} form @param {Schema} s @param {any} value @param {string} pointer @returns {Widget} */
+export function optional(form, s, value, pointer) {
+  const { nullable: _, ...given } = s;
+  const box = h("input", { type: "checkbox", checked: value != null });
+  const content = h("div");
+  /** @type {Widget | undefined} */
+  let inner;
+  const show = (start) => {
+    form.forget(pointer);
+    inner = box.checked ? form.build(given, start, pointer) : undefined;
+    content.replaceChildren(...(inner ? [inner.node] : []));
+  };
+  box.addEventListener("change", () => (show(initial({ ...given, default: undefined })), form.update()));
+  show(value);
+  const help = s.description ? h("p", { class: "help" }, s.description) : null;
+  const name = h("label", { class: "check" }, box, label(key(pointer)));
+  return { node: h("div", { class: "part optional" }, name, help, content), read: () => inner?.read() ?? null };
+}
+
+/** A list of compound things. @param {Form} form @param {Schema} s @param {any} value @param {string} pointer @returns {Widget} */
+export function rows(form, s, value, pointer) {
+  const list = h("div", { class: "rows" });
+  const widgets = /** @type {Widget[]} */ ([]);
+  const name = label(key(pointer));
+  const show = (items) => {
+    form.forget(pointer);
+    widgets.length = 0;
+    list.replaceChildren(...items.map((item, i) => {
+      const widget = form.build(s.items, item, `${pointer}/${i}`);
+      widgets.push(widget);
+      const remove = () => (show(read().filter((_, k) => k !== i)), form.update());
+      return h("div", { class: "row" }, widget.node,
+        h("button", { type: "button", class: "quiet", "aria-label": `Remove ${name} ${i + 1}`, onclick: remove }, "✕"));
+    }));
+  };
+  const read = () => widgets.map((widget) => widget.read());
+  const add = () => (show([...read(), read().at(-1) ?? initial(s.items)]), form.update());
+  show(value ?? []);
+  const node = h("fieldset", { class: "part card" }, h("legend", {}, name));
+  form.place(pointer, node, s, []);
+  node.append(list, h("button", { type: "button", class: "quiet", onclick: add }, "+ Add"));
+  return { node, read };
+}
+
+/** A square matrix of compound things. @param {Form} form @param {Schema} s @param {any} value @param {string} pointer @returns {Widget} */
+export function grid(form, s, value, pointer) {
+  const id = newId("f");
+  const largest = s.maxItems ?? 10;
+  const size = h("input", { id, type: "number", min: 1, max: largest, value: value?.length ?? 2 });
+  const cells = h("div", { class: "grid" });
+  const item = resolve(s.items).items;
+  let widgets = /** @type {Widget[][]} */ ([]);
+  const show = (given) => {
+    const n = Math.min(Math.max(Math.round(Number(size.value)) || 1, 1), largest);
+    form.forget(pointer);
+    widgets = Array.from({ length: n }, (_, r) => Array.from({ length: n }, (_, c) =>
+      form.build(item, given[r]?.[c] ?? given[0]?.[0] ?? initial(item), `${pointer}/${r}/${c}`)));
+    cells.replaceChildren(...widgets.flat().map((widget) => widget.node));
+    cells.dataset.columns = String(n);
+  };
+  const read = () => widgets.map((row) => row.map((widget) => widget.read()));
+  size.addEventListener("change", () => (show(read()), form.update()));
+  show(value ?? []);
+  const node = h("fieldset", { class: "part" }, h("legend", {}, label(key(pointer))),
+    h("div", { class: "field size" }, h("label", { for: id }, "Size"), size));
+  form.place(pointer, node, s, []);
+  node.append(cells);
+  return { node, read };
+}
+
+/** @param {Widget} widget */
+const isConst = (widget) => widget.node.hidden && !widget.node.dataset.pointer;
+
+/** @param {Schema} part @param {any} value */
+const sameKind = (part, value) => !("const" in part) && faults(part, value).length === 0;
