@@ -1,8 +1,9 @@
 """Plotly figures of all results, built once for the page, the notebook and the report."""
 
+from service.figures.decoupling import decoupled
 from service.figures.frequency import controllers, mu, sensitivity
 from service.figures.interaction import interaction
-from service.figures.responses import relay, step_response, tuned_response
+from service.figures.responses import drives, relay, step_response, tuned_response
 from service.figures.search import landscape, trade_off
 from service.figures.style import Theme, template
 from service.figures.tuning import TuningFigures, tuning_figures
@@ -11,6 +12,8 @@ __all__ = [
     "Theme",
     "TuningFigures",
     "controllers",
+    "decoupled",
+    "drives",
     "interaction",
     "landscape",
     "mu",

@@ -7,15 +7,18 @@ from typing import Any
 
 import plotly.graph_objects as go
 
+from service.figures.decoupling import decoupled
 from service.figures.frequency import mu
 from service.figures.interaction import interaction
-from service.figures.responses import relay, step_response
+from service.figures.responses import drives, relay, step_response
 from service.figures.search import trade_off
 from service.figures.style import Theme, template
 from service.figures.tuning import tuning_figures
 from service.schemas.drawn import (
     Drawn,
+    DrawnDecoupling,
     DrawnInteraction,
+    DrawnParallelDrives,
     DrawnRelayExperiment,
     DrawnRobustness,
     DrawnStepResponse,
@@ -62,6 +65,12 @@ def _robustness(result: DrawnRobustness, unit: str) -> dict[str, Any]:
     return figures_to_json({"mu": figure})
 
 
+def _decoupling(result: DrawnDecoupling, unit: str) -> dict[str, Any]:
+    if result.closed_loop is None:
+        return figures_to_json({}, {"decoupled": "a loop is unbounded"})
+    return figures_to_json({"decoupled": decoupled(result.closed_loop, unit)})
+
+
 _DRAWN: dict[type[Drawn], Callable[[Any, str], dict[str, Any]]] = {
     DrawnRobustness: _robustness,
     DrawnInteraction: lambda result, unit: figures_to_json(interaction(result, unit)),
@@ -69,5 +78,9 @@ _DRAWN: dict[type[Drawn], Callable[[Any, str], dict[str, Any]]] = {
         {"step_response": step_response(result, unit)}
     ),
     DrawnRelayExperiment: lambda result, unit: figures_to_json({"relay": relay(result, unit)}),
+    DrawnParallelDrives: lambda result, unit: figures_to_json(
+        {"drives": drives(result.simulation, unit)}
+    ),
+    DrawnDecoupling: _decoupling,
     TradeOff: lambda result, unit: figures_to_json({"trade_off": trade_off(result, unit)}),
 }

@@ -11,14 +11,16 @@ from itertools import product
 import plotly.graph_objects as go
 
 from service.figures.panels import Panels
-from service.figures.style import COLOURS, frequency_title, line, log_axis, numbers
-from service.schemas.drawn import Complex, DrawnInteraction
+from service.figures.style import frequency_title, line, log_axis, magnitude, numbers
+from service.schemas.drawn import DrawnInteraction
 from service.wording import TIME_UNIT, number
 
 __all__ = ["interaction"]
 
-# Vermillion for negative, blue for positive: apart for every kind of colour vision.
-_SCALE = [[0.0, COLOURS[1]], [0.5, "#F4F4F2"], [1.0, COLOURS[0]]]
+# Orange for negative, blue for positive: apart for every kind of colour vision, and light enough
+# for dark figures in the cells.
+_SCALE = [[0.0, "#F0A56B"], [0.5, "#F6F6F4"], [1.0, "#86BFE6"]]
+_TEXT = "#1F2328"
 _SAME = 1e-9  # relative: elements this near at all frequencies are one curve
 
 
@@ -46,6 +48,7 @@ def _heat_map(gains: list[list[float | None]]) -> go.Figure:
         {
             "type": "heatmap", "x": names, "y": names, "z": [numbers(row) for row in gains],
             "text": [[number(value) for value in row] for row in gains], "texttemplate": "%{text}",
+            "textfont": {"color": _TEXT},
             "colorscale": _SCALE, "zmin": -reach, "zmax": reach, "xgap": 2, "ygap": 2,
             "showscale": False,
             "hovertemplate": "output %{y}, input %{x}: %{z:.5g}<extra></extra>",
@@ -82,13 +85,13 @@ def _distinct(result: DrawnInteraction) -> list[tuple[str, list[float | None]]]:
     if arrays is None:
         parallel = result.parallel
         return [] if parallel is None else [
-            ("λ, own input", [_magnitude(value) for value in parallel.own_relative_gains]),
-            ("λ, other inputs", [_magnitude(value) for value in parallel.other_relative_gains]),
+            ("λ, own input", [magnitude(value) for value in parallel.own_relative_gains]),
+            ("λ, other inputs", [magnitude(value) for value in parallel.other_relative_gains]),
         ]  # fmt: skip
     found: list[tuple[list[str], list[float | None]]] = []
     size = len(arrays[0]) if arrays else 0
     for row, column in product(range(size), repeat=2):
-        values = [_magnitude(array[row][column]) for array in arrays]
+        values = [magnitude(array[row][column]) for array in arrays]
         name = f"{row + 1}{column + 1}"
         for names, known in found:
             if _equal(known, values):
@@ -102,10 +105,6 @@ def _distinct(result: DrawnInteraction) -> list[tuple[str, list[float | None]]]:
 def _list(names: list[str]) -> str:
     shown = 3
     return ", ".join(names[:shown]) + (", …" if len(names) > shown else "")
-
-
-def _magnitude(value: Complex) -> float | None:
-    return None if value.re is None or value.im is None else math.hypot(value.re, value.im)
 
 
 def _equal(first: list[float | None], second: list[float | None]) -> bool:

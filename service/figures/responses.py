@@ -9,11 +9,17 @@ import plotly.graph_objects as go
 
 from service.figures.panels import Panels
 from service.figures.style import IDENTICAL, THIN, line, time_title
-from service.schemas.drawn import DrawnRelayExperiment, DrawnStepResponse, DrawnUnits
+from service.schemas.drawn import (
+    DrawnDriveResponse,
+    DrawnDriveSimulation,
+    DrawnRelayExperiment,
+    DrawnStepResponse,
+    DrawnUnits,
+)
 from service.simulations import Case
 from service.wording import TIME_UNIT, loops_text, units_text
 
-__all__ = ["relay", "step_response", "tuned_response"]
+__all__ = ["drives", "relay", "step_response", "tuned_response"]
 
 _OUTPUT, _INPUT = "output y<br>(output units)", "input u<br>(input units)"
 
@@ -74,6 +80,35 @@ def relay(result: DrawnRelayExperiment, unit: str = TIME_UNIT) -> go.Figure:
     panels.y(1, _OUTPUT)
     panels.y(2, _INPUT)
     return panels.figure()
+
+
+def drives(simulation: DrawnDriveSimulation, unit: str = TIME_UNIT) -> go.Figure:
+    """Return the common output of units on one load, and their efforts: as they are, and mended."""
+    mended = simulation.mended
+    panels = Panels(
+        "Units on one load: set point, load step, measurement pulse",
+        "Common output with its set point, and the efforts of the units as they are"
+        + ("." if mended is None else ", and with one integrator shared out."),
+        rows=2 if mended is None else 3,
+        height=440 if mended is None else 580,
+    )
+    first = simulation.original
+    panels.curve(first.time, first.set_point, "set point", THIN)
+    panels.curve(first.time, first.output, "output", line(0))
+    panels.y(1, _OUTPUT)
+    _add_efforts(panels, first, 2)
+    panels.y(2, "as they are<br>(input units)")
+    if mended is not None:
+        panels.curve(mended.time, mended.output, "output, mended", IDENTICAL)
+        _add_efforts(panels, mended, 3)
+        panels.y(3, "mended<br>(input units)", matches="y2")
+    panels.shared_x(time_title(unit))
+    return panels.figure()
+
+
+def _add_efforts(panels: Panels, response: DrawnDriveResponse, row: int) -> None:
+    for index, efforts in enumerate(zip(*response.efforts, strict=True)):
+        panels.curve(response.time, efforts, f"unit {index + 1}", line(index + 1), row=row)
 
 
 def _add(

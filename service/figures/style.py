@@ -15,6 +15,8 @@ from typing import Any
 
 import plotly.graph_objects as go
 
+from service.schemas.complex import Complex
+
 __all__ = [
     "BACKGROUNDS",
     "COLOURS",
@@ -26,6 +28,7 @@ __all__ = [
     "frequency_title",
     "line",
     "log_axis",
+    "magnitude",
     "numbers",
     "template",
     "time_title",
@@ -80,6 +83,11 @@ def frequency_title(unit: str) -> str:
 def time_title(unit: str) -> str:
     """Return the title of a time axis."""
     return f"time ({unit})"
+
+
+def magnitude(value: Complex) -> float | None:
+    """Return the magnitude of a complex number, None where it does not exist."""
+    return None if value.re is None or value.im is None else math.hypot(value.re, value.im)
 
 
 def log_axis(values: Iterable[float | None], margin: float = 0.0) -> dict[str, Any]:

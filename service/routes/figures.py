@@ -17,7 +17,9 @@ from service.routes.common import BODY_PROBLEMS, described, json_response, probl
 from service.routes.tunings import JobId, find_job
 from service.schemas.drawn import (
     Drawn,
+    DrawnDecoupling,
     DrawnInteraction,
+    DrawnParallelDrives,
     DrawnRelayExperiment,
     DrawnRobustness,
     DrawnStepResponse,
@@ -124,6 +126,8 @@ _add("robustness", DrawnRobustness, "a robustness analysis")
 _add("interaction", DrawnInteraction, "an interaction analysis")
 _add("step-responses", DrawnStepResponse, "a step response")
 _add("relay-experiments", DrawnRelayExperiment, "a relay experiment")
+_add("decouplings", DrawnDecoupling, "a decoupling")
+_add("parallel-drives", DrawnParallelDrives, "parallel drives")
 _add("trade-offs", TradeOff, "a trade-off")
 
 

@@ -19,8 +19,13 @@ from service.schemas.robustness import Curves, Peak, Peaks
 __all__ = [
     "Complex",
     "Drawn",
+    "DrawnClosedLoop",
     "DrawnCurves",
+    "DrawnDecoupling",
+    "DrawnDriveResponse",
+    "DrawnDriveSimulation",
     "DrawnInteraction",
+    "DrawnParallelDrives",
     "DrawnRelayExperiment",
     "DrawnRobustness",
     "DrawnStepResponse",
@@ -187,3 +192,71 @@ class DrawnRelayExperiment(Drawn):
         for row in (*self.outputs, *self.inputs):
             _require_length(self.time, row=row)
         return self
+
+
+Responses = list[list[list[Complex]]]
+
+
+class DrawnClosedLoop(Drawn):
+    """Frequency responses from set points to outputs."""
+
+    omega: Frequencies = Field(
+        description="Frequencies, rad per time unit.", examples=[[0.01, 0.1]]
+    )
+    approximate: Responses = Field(
+        description="H at each of them, square.", examples=[[[[{"re": 1.0, "im": 0.0}]]]]
+    )
+    exact: Responses = Field(
+        description="H-bar at each of them, square.", examples=[[[[{"re": 1.0, "im": 0.0}]]]]
+    )
+
+    @model_validator(mode="after")
+    def _check_sizes(self) -> Self:
+        _require_length(self.omega, approximate=self.approximate, exact=self.exact)
+        for array in (*self.approximate, *self.exact):
+            _require_length(self.exact[0], array=array)
+            for row in array:
+                _require_length(self.exact[0], row=row)
+        return self
+
+
+class DrawnDecoupling(Drawn):
+    """The decoupled loops together; null where one is unbounded."""
+
+    closed_loop: DrawnClosedLoop | None = Field(description="The responses.", examples=[None])
+
+
+class DrawnDriveResponse(Drawn):
+    """Response of units on one load."""
+
+    time: Series = Field(description="Times.", examples=[[0.0, 0.1]])
+    set_point: Series = Field(description="Set point.", examples=[[1.0, 1.0]])
+    output: Series = Field(description="Common output.", examples=[[0.0, 0.17]])
+    efforts: Annotated[
+        list[Annotated[list[float | None], Field(max_length=_MAX_TRACES)]],
+        Field(max_length=_MAX_POINTS),
+    ] = Field(description="Efforts of the units at each time.", examples=[[[1.0, 1.0], [0.9, 0.9]]])
+
+    @model_validator(mode="after")
+    def _check_lengths(self) -> Self:
+        _require_length(
+            self.time, set_point=self.set_point, output=self.output, efforts=self.efforts
+        )
+        for row in self.efforts:
+            _require_length(self.efforts[0], row=row)
+        return self
+
+
+class DrawnDriveSimulation(Drawn):
+    """The units as they are, and mended."""
+
+    original: DrawnDriveResponse = Field(description="As they are.", examples=[{"time": []}])
+    mended: DrawnDriveResponse | None = Field(description="Mended.", examples=[None])
+
+
+class DrawnParallelDrives(Drawn):
+    """Simulation of units on one load."""
+
+    simulation: DrawnDriveSimulation = Field(
+        description="Time responses.", examples=[{"original": {"time": []}, "mended": None}]
+    )

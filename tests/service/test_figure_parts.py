@@ -21,10 +21,21 @@ from service.figures.style import (
     numbers,
     template,
 )
-from service.schemas.drawn import DrawnInteraction, DrawnRelayExperiment, DrawnStepResponse
+from service.routes.parallel_drives import compute as simulate_drives
+from service.schemas import parse
+from service.schemas.drawn import (
+    DrawnClosedLoop,
+    DrawnInteraction,
+    DrawnParallelDrives,
+    DrawnRelayExperiment,
+    DrawnStepResponse,
+)
+from service.schemas.parallel_drives import EXAMPLE as DRIVES
+from service.schemas.parallel_drives import ParallelDrivesRequest
 from service.schemas.trade_off import TradeOff, TradeOffPoint
 from solver.controllers import Controller
 from solver.interaction.analysis import analyse_interaction
+from solver.interaction.decoupling import DecouplingSpecification, decouple
 from solver.plants import MatrixPlant, first_order
 from solver.relay import Relay, RelayExperiment, relay_experiment
 from solver.simulation import Experiment, Loop, Step, StepKind, step_response
@@ -181,6 +192,37 @@ def test_relay_experiment_shows_both_levels() -> None:
     assert set(signal.y) == {0.5, -0.5}
     assert min(output.y) < 0 < max(output.y)
     assert "switched" in figure.layout.meta["description"]
+
+
+def test_decoupled_loops_show_what_interaction_is_left() -> None:
+    """At low frequency each output follows its own set point and no other (eq. 11.8)."""
+    result = decouple(DecouplingSpecification(wood_berry()))
+    figure = figures.decoupled(DrawnClosedLoop.of(result.closed_loop), "min")
+    shown = {trace.name: trace for trace in figure.data}
+    assert shown["h<sub>11</sub>"].y[0] == pytest.approx(1, abs=1e-3)
+    assert shown["h<sub>12</sub>"].y[0] == pytest.approx(0, abs=1e-2)
+    assert {shown["h<sub>11</sub>"].yaxis, shown["h<sub>21</sub>"].yaxis} == {"y", "y2"}
+    assert "h<sub>21</sub>, approximate" in shown
+
+
+def test_only_the_highest_of_many_interactions_are_shown() -> None:
+    """Of the twenty interactions of five loops the six with the highest peaks remain."""
+    size = 5
+    heights = [[{"re": row + column / 10, "im": 0.0} for column in range(size)]
+               for row in range(size)]  # fmt: skip
+    figure = figures.decoupled(DrawnClosedLoop(omega=[1.0], approximate=[heights], exact=[heights]))
+    below = [trace.name for trace in figure.data if trace.yaxis == "y2" and trace.showlegend]
+    assert below == [f"h<sub>{place}</sub>" for place in ("43", "45", "51", "52", "53", "54")]
+
+
+def test_drives_show_the_shift_of_load_that_the_remedy_prevents() -> None:
+    """After a measurement pulse the efforts differ for good, mended they agree (section 11.4)."""
+    request = parse(ParallelDrivesRequest, json.dumps(DRIVES))
+    result = DrawnParallelDrives.model_validate(simulate_drives(request))
+    figure = figures.drives(result.simulation, "s")
+    efforts = [trace.y[-1] for trace in figure.data if trace.name.startswith("unit")]
+    assert abs(efforts[0] - efforts[1]) > 0.5
+    assert efforts[2] == pytest.approx(efforts[3], abs=1e-3)
 
 
 def test_trade_off_has_gaps_where_nothing_is_feasible() -> None:

@@ -11,8 +11,10 @@ import pytest
 from fake_tune import SLOW
 from samples import ROBUSTNESS, altered, tuning
 
+from service.schemas.decouplings import EXAMPLE as DECOUPLING
 from service.schemas.figures import FiguresResult
 from service.schemas.interaction import EXAMPLE as INTERACTION
+from service.schemas.parallel_drives import EXAMPLE as DRIVES
 from service.schemas.relay_experiments import EXAMPLE as RELAY
 from service.schemas.step_responses import EXAMPLE as STEPS
 
@@ -76,6 +78,8 @@ def test_units_that_titles_cannot_hold_are_refused(
         ("interaction", INTERACTION, ["rga", "rga_frequency"]),
         ("step-responses", {**STEPS, "duration": 60.0, "samples": 61}, ["step_response"]),
         ("relay-experiments", RELAY, ["relay"]),
+        ("decouplings", DECOUPLING, ["decoupled"]),
+        ("parallel-drives", DRIVES, ["drives"]),
     ],
 )
 def test_the_answer_of_an_analysis_is_drawn_as_it_came(
@@ -94,6 +98,12 @@ def test_unstable_loops_have_no_curves_to_draw(client: httpx.Client) -> None:
     assert answer["curves"] is None
     result = drawn(client.post("/v1/figures/robustness", json=answer))
     assert (result.figures, list(result.omitted)) == ({}, ["mu"])
+
+
+def test_loops_without_settings_have_no_responses(client: httpx.Client) -> None:
+    """A decoupling with an unbounded loop gives no figure, and says why."""
+    result = drawn(client.post("/v1/figures/decouplings", json={"closed_loop": None}))
+    assert (result.figures, list(result.omitted)) == ({}, ["decoupled"])
 
 
 def test_a_trade_off_is_drawn(client: httpx.Client) -> None:
@@ -146,6 +156,26 @@ def test_a_trade_off_is_drawn(client: httpx.Client) -> None:
             "relay-experiments",
             {"time": [0.0], "units": [[0]], "outputs": [], "inputs": [[1.0]], "switchings": []},
             "",
+        ),
+        (
+            "decouplings",
+            {"closed_loop": {"omega": [1.0], "exact": [[[]]], "approximate": [[]]}},
+            "/closed_loop",
+        ),
+        (
+            "parallel-drives",
+            {
+                "simulation": {
+                    "original": {
+                        "time": [0.0, 1.0],
+                        "set_point": [1.0, 1.0],
+                        "output": [0.0, 1.0],
+                        "efforts": [[1.0], [1.0, 2.0]],
+                    },
+                    "mended": None,
+                }
+            },
+            "/simulation/original",
         ),
         ("trade-offs", {"parameter": "theta", "points": []}, "/parameter"),
     ],
