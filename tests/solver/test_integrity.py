@@ -11,7 +11,14 @@ from hypothesis import strategies as st
 from solver.blocks import group_loops
 from solver.controllers import Controller
 from solver.errors import InvalidInputError, UnsupportedPlantError
-from solver.integrity import MAX_CLASSES, Detuning, Integrity, ServiceClass, integrity
+from solver.integrity import (
+    MAX_CLASSES,
+    Detuning,
+    Integrity,
+    ServiceClass,
+    in_one_line,
+    integrity,
+)
 from solver.interaction.integral_controllability import Verdict
 from solver.peaks import highest
 from solver.plants import MatrixPlant, ParallelPlant, Plant, first_order
@@ -280,6 +287,18 @@ def test_unstable_processes_are_refused() -> None:
     plant = ParallelPlant(2, TransferFunction([1], [10, -1]), LAG)
     with pytest.raises(UnsupportedPlantError):
         integrity(plant, DIAGONAL, Performance(tau_p=25), (FAST, FAST))
+
+
+def test_one_line_for_a_tuning() -> None:
+    """The same line as the analysis gives, or, where that takes long, that it was left out."""
+    plant, loops, _ = CASES["published"]
+    performance = Performance(tau_p=19.2)
+    line = in_one_line(plant, DIAGONAL, performance, loops)
+    assert line == integrity(plant, DIAGONAL, performance, loops).summary
+    many = tuple(Controller(2 + unit, 50) for unit in range(12))
+    assert in_one_line(first_order(12, 1, 100, 0.1), DIAGONAL, performance, many) == (
+        "loops out of service: 4,095 kinds of sets, not analysed in passing"
+    )
 
 
 def test_summary_of_large_numbers() -> None:
