@@ -9,7 +9,8 @@ import pytest
 from samples import altered
 
 from service.cli.relay import relay_file
-from service.schemas.relay_experiments import EXAMPLE, RelayExperimentResult
+from service.schemas.parsing import parse
+from service.schemas.relay_experiments import EXAMPLE, RelayExperimentRequest, RelayExperimentResult
 
 PATH = "/v1/relay-experiments"
 REQUEST: dict[str, Any] = {**EXAMPLE, "duration": 20.0, "samples": 201}
@@ -101,3 +102,12 @@ def test_command_line_prints_the_same(
     file.write_text("{}", encoding="utf-8")
     assert relay_file(file, as_json=True) == 2
     assert "/plant" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("file", ["docs/relay.md", "examples/relay_johansson.json"])
+def test_shown_requests_are_valid(file: str) -> None:
+    """What the documentation and the examples show can be sent as it stands."""
+    text = (Path(__file__).parents[2] / file).read_text(encoding="utf-8")
+    if file.endswith(".md"):
+        text = text.split("```json\n")[1].split("```")[0]
+    parse(RelayExperimentRequest, text).build()

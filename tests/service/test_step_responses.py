@@ -9,7 +9,8 @@ import pytest
 from samples import altered
 
 from service.cli.step_response import simulate_file
-from service.schemas.step_responses import EXAMPLE, StepResponseResult
+from service.schemas.parsing import parse
+from service.schemas.step_responses import EXAMPLE, StepResponseRequest, StepResponseResult
 
 PATH = "/v1/step-responses"
 REQUEST: dict[str, Any] = {**EXAMPLE, "duration": 120.0, "samples": 121}
@@ -195,3 +196,14 @@ def test_command_line_prints_the_same(
     file.write_text(json.dumps(altered(REQUEST, "/duration", 0)), encoding="utf-8")
     assert simulate_file(file, as_json=True) == 2
     assert "/duration" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "file", ["docs/simulation.md", "examples/step_response_parallel_reactors.json"]
+)
+def test_shown_requests_are_valid(file: str) -> None:
+    """What the documentation and the examples show can be sent as it stands."""
+    text = (Path(__file__).parents[2] / file).read_text(encoding="utf-8")
+    if file.endswith(".md"):
+        text = text.split("```json\n")[1].split("```")[0]
+    parse(StepResponseRequest, text).build()
