@@ -20,9 +20,10 @@ import httpx
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from service.cli.tables import number, side_by_side
+from service.cli.tables import side_by_side
 from service.client import Client, JobEndedError, ServiceUnreachableError
 from service.schemas import TuningResult
+from service.wording import number
 
 ROOT = Path(__file__).parent.parent
 EXAMPLE = ROOT / "examples" / "parallel_reactors.json"

@@ -13,8 +13,8 @@ from rich.console import Console, RenderableType
 from rich.table import Table
 
 from service.cli.outcomes import ExitCode, read_input
-from service.cli.tables import number
 from service.schemas.parsing import parse
+from service.wording import number
 
 __all__ = ["answer", "matrix_table"]
 

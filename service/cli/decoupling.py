@@ -12,8 +12,8 @@ from rich.text import Text
 
 from service.cli.analysis import answer, matrix_table
 from service.cli.outcomes import ExitCode, reported
-from service.cli.tables import number
 from service.schemas.decouplings import DecouplingRequest, DecouplingResult, decoupling_to_json
+from service.wording import number
 from solver.interaction.decoupling import decouple
 
 __all__ = ["decouple_file"]

@@ -12,7 +12,6 @@ from rich.text import Text
 
 from service.cli.analysis import answer
 from service.cli.outcomes import ExitCode, reported
-from service.cli.tables import number, units
 from service.schemas.integrity import (
     Detuning,
     IntegrityRequest,
@@ -20,6 +19,7 @@ from service.schemas.integrity import (
     integrity_to_json,
 )
 from service.schemas.peaks import Peak
+from service.wording import number, units_text
 from solver.integrity import integrity
 
 __all__ = ["analyse_file"]
@@ -57,7 +57,7 @@ def _shown(result: IntegrityResult) -> RenderableType:
     parts: list[RenderableType] = [Text(result.summary.capitalize() + ".", style=style)]
     table = Table(box=SIMPLE_HEAD)
     for group in result.groups:
-        table.add_column(f"in service of {units(group)}", justify="right")
+        table.add_column(f"in service of {units_text(group)}", justify="right")
     for heading in ("sets", "stable", "robust stability", "robust performance"):
         table.add_column(heading, justify="right")
     for kind in result.classes[:_SHOWN]:

@@ -12,7 +12,6 @@ from rich.text import Text
 
 from service.cli.analysis import answer, matrix_table
 from service.cli.outcomes import ExitCode, reported
-from service.cli.tables import number
 from service.schemas.interaction import (
     InteractionRequest,
     InteractionResult,
@@ -22,6 +21,7 @@ from service.schemas.interaction import (
     TransmissionZeros,
     interaction_to_json,
 )
+from service.wording import number
 from solver.interaction.analysis import analyse_interaction
 from solver.interaction.loop_effect import loop_effect
 

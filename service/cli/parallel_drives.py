@@ -12,12 +12,12 @@ from rich.text import Text
 
 from service.cli.analysis import answer
 from service.cli.outcomes import ExitCode, reported
-from service.cli.tables import number
 from service.schemas.parallel_drives import (
     ParallelDrivesRequest,
     ParallelDrivesResult,
     parallel_drives_to_json,
 )
+from service.wording import number
 from solver.interaction.drive_simulation import simulate_drives
 from solver.interaction.parallel_drives import analyse_drives
 

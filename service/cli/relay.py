@@ -13,7 +13,6 @@ from rich.text import Text
 import solver.relay
 from service.cli.analysis import answer
 from service.cli.outcomes import ExitCode, reported
-from service.cli.tables import number
 from service.schemas.relay_experiments import (
     LimitCycle,
     PeriodicSolution,
@@ -23,6 +22,7 @@ from service.schemas.relay_experiments import (
     RelayTheory,
     relay_experiment_to_json,
 )
+from service.wording import number
 
 __all__ = ["relay_file"]
 

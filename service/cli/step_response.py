@@ -12,12 +12,12 @@ from rich.text import Text
 
 from service.cli.analysis import answer
 from service.cli.outcomes import ExitCode, reported
-from service.cli.tables import number, units
 from service.schemas.step_responses import (
     StepResponseRequest,
     StepResponseResult,
     step_response_to_json,
 )
+from service.wording import number, units_text
 
 __all__ = ["simulate_file"]
 
@@ -73,7 +73,7 @@ def _shown(result: StepResponseResult) -> RenderableType:
             response.output[-1],
         )
         table.add_row(
-            units(response.units),
+            units_text(response.units),
             *("-" if value is None else f"{value:.4g}" for value in values),
         )
     return Group(Text(headline, style="bold"), table)

@@ -11,18 +11,13 @@ from rich.table import Table
 from rich.text import Text
 
 from service.schemas import RobustnessResult, TuningResult
-from service.schemas.controllers import Loop
 from service.schemas.margins import LoopMargins
 from service.schemas.robustness import Peaks
 from service.schemas.tunings import SearchSummary
-from solver.errors import InvalidInputError
+from service.wording import forms, number, units_text
+from solver.controllers import Controller
 
-__all__ = ["number", "robustness_table", "side_by_side", "tuning_table", "units"]
-
-# Each form for PI and for PID.
-_CASCADE = ("k (1 + τI s)/(τI s)", "k (1 + τI s)/(τI s) (1 + τD s)/(1 + 0.1 τD s)")
-_IDEAL = ("K (1 + 1/(Ti s))", "K (1 + 1/(Ti s) + Td s/(1 + Tf s))")
-_PARALLEL = ("Kp + Ki/s", "Kp + Ki/s + Kd s/(1 + Tf s)")
+__all__ = ["robustness_table", "side_by_side", "tuning_table"]
 
 _CURVES = (
     ("robust performance", "robust_performance", "at most 1: demand met"),
@@ -32,23 +27,14 @@ _CURVES = (
 _OPTIMA = 5  # local optima worth a line; all of them are in the JSON result
 
 
-def number(value: float | None) -> str:
-    """Return `value` with five digits, or a dash."""
-    return "-" if value is None else f"{value:.5g}"
-
-
-def units(group: Sequence[int]) -> str:
-    """Return the loops of a group, counted from 1: ``1``, ``1-25`` or ``1, 3``."""
-    if len(group) > 1 and list(group) == list(range(group[0], group[0] + len(group))):
-        return f"{group[0] + 1}-{group[-1] + 1}"
-    return ", ".join(str(unit + 1) for unit in group)
-
-
 def tuning_table(result: TuningResult) -> RenderableType:
     """Return a tuning as text and tables."""
     parts: list[RenderableType] = [Text(_headline(result), style="bold")]
     if result.loops:
-        parts += _forms([(units(group), result.loops[group[0]]) for group in result.groups])
+        parts.append(Text())
+        parts += _forms(
+            [(units_text(group), result.loops[group[0]].build()) for group in result.groups]
+        )
     if result.peaks is not None:
         parts.append(_peaks(result.peaks))
     if result.comparison is not None:
@@ -154,44 +140,16 @@ def _search(search: SearchSummary) -> str:
     )
 
 
-def _forms(loops: Sequence[tuple[str, Loop]]) -> Iterator[RenderableType]:
+def _forms(loops: Sequence[tuple[str, Controller]]) -> Iterator[RenderableType]:
     """Yield a formula and a table for each form; the same controllers in all of them."""
-    derivative = any(loop.derivative_time is not None for _, loop in loops)
-    cascade = _form(("k", "τI", "τD"), derivative=derivative)
-    ideal = _form(("K", "Ti", "Td", "Tf"), derivative=derivative)
-    parallel = _form(("Kp", "Ki", "Kd", "Tf"), derivative=derivative)
-    for name, loop in loops:
-        controller = loop.build()
-        _row(cascade, name, loop.gain, loop.integral_time, loop.derivative_time)
-        try:
-            isa, sums = controller.to_ideal(), controller.to_parallel()
-        except InvalidInputError as error:
-            for table in (ideal, parallel):
-                table.add_row(name, error.message)
-            continue
-        _row(ideal, name, isa.gain, isa.integral_time, isa.derivative_time, isa.filter_time)
-        _row(
-            parallel,
-            name,
-            sums.proportional_gain,
-            sums.integral_gain,
-            sums.derivative_gain,
-            sums.filter_time,
-        )
-    yield from (Text(f"\nCascade form: {_CASCADE[derivative]}"), cascade)
-    yield from (Text(f"Ideal form: {_IDEAL[derivative]}"), ideal)
-    yield from (Text(f"Parallel form: {_PARALLEL[derivative]}"), parallel)
-
-
-def _form(symbols: Sequence[str], *, derivative: bool) -> Table:
-    table = Table("loop", box=SIMPLE_HEAD)
-    for symbol in symbols if derivative else symbols[:2]:
-        table.add_column(symbol, justify="right")
-    return table
-
-
-def _row(table: Table, name: str, *values: float | None) -> None:
-    table.add_row(name, *(number(value) for value in values[: len(table.columns) - 1]))
+    for form in forms([controller for _, controller in loops]):
+        table = Table("loop", box=SIMPLE_HEAD)
+        for symbol in form.symbols:
+            table.add_column(symbol, justify="right")
+        for (name, _), row in zip(loops, form.rows, strict=True):
+            table.add_row(name, *([row] if isinstance(row, str) else map(number, row)))
+        yield Text(f"{form.name.capitalize()} form: {form.formula}")
+        yield table
 
 
 def _proof(certificate: Mapping[str, Any] | None) -> Iterator[RenderableType]:
@@ -209,10 +167,10 @@ def _margins(margins: Sequence[LoopMargins]) -> Table:
     for loop in margins:
         for others, each in (("open", loop.alone), ("closed", loop.together)):
             if each is None:
-                table.add_row(f"loop {units(loop.units)}", others, "unstable")
+                table.add_row(f"loop {units_text(loop.units)}", others, "unstable")
                 continue
             table.add_row(
-                f"loop {units(loop.units)}",
+                f"loop {units_text(loop.units)}",
                 others,
                 number(each.gain_increase),
                 number(each.phase_margin),

@@ -12,9 +12,10 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 import solver.results
 import solver.tuning
 from service.cli.outcomes import ExitCode, exit_code_of, read_input, reported
-from service.cli.tables import number, tuning_table
+from service.cli.tables import tuning_table
 from service.schemas import TuningRequest, TuningResult, parse_tuning_request, tuning_to_json
 from service.tuned import Tuned
+from service.wording import number
 
 __all__ = ["tune_file"]
 
