@@ -1,6 +1,6 @@
 /** Fields of fields: records, unions, optional parts, lists and matrices. */
 
-import { h } from "./dom.js";
+import { button, h } from "./dom.js";
 import { key, newId, segments } from "./fields.js";
 import { label, option } from "./format.js";
 import { faults, initial, resolve, variantOf } from "./schema.js";
@@ -29,7 +29,7 @@ export function object(form, s, value, pointer) {
     return { property, widget };
   });
   const read = () => {
-    const entries = parts.map(({ property, widget }) => [property, widget.node.hidden && !isConst(widget) ? null : widget.read()]);
+    const entries = parts.map(({ property, widget }) => [property, isIrrelevant(widget) ? null : widget.read()]);
     return Object.fromEntries(entries.filter(([, item]) => item !== undefined));
   };
   const fields = h("div", { class: "fields" }, parts.map(({ widget }) => widget.node));
@@ -50,7 +50,10 @@ export function object(form, s, value, pointer) {
   return { node, read };
 }
 
-/** Several forms of one thing. @param {Form} form @param {Schema} s @param {any} value @param {string} pointer @returns {Widget} */
+/**
+ * Several forms of one thing.
+ * @param {Form} form @param {Schema} s @param {any} value @param {string} pointer @returns {Widget}
+ */
 export function union(form, s, value, pointer) {
   const forms = /** @type {Schema[]} */ (s.variants);
   const name = label(key(pointer));
@@ -69,8 +72,9 @@ export function union(form, s, value, pointer) {
   node.addEventListener("change", () => {
     const old = inner.read();
     chosen = read();
-    const blank = Object.entries(forms[chosen].properties ?? {}).map(([k, part]) => [k, old[k] !== undefined && sameKind(part, old[k]) ? old[k] : initial(part)]);
-    show(Object.fromEntries(blank));
+    const kept = Object.entries(forms[chosen].properties ?? {}).map(([name, part]) =>
+      [name, sameKind(part, old[name]) ? old[name] : initial(part)]);
+    show(Object.fromEntries(kept));
     form.update();
   });
   show(value);
@@ -97,7 +101,10 @@ export function optional(form, s, value, pointer) {
   return { node: h("div", { class: "part optional" }, name, help, content), read: () => inner?.read() ?? null };
 }
 
-/** A list of compound things. @param {Form} form @param {Schema} s @param {any} value @param {string} pointer @returns {Widget} */
+/**
+ * A list of compound things.
+ * @param {Form} form @param {Schema} s @param {any} value @param {string} pointer @returns {Widget}
+ */
 export function rows(form, s, value, pointer) {
   const list = h("div", { class: "rows" });
   const widgets = /** @type {Widget[]} */ ([]);
@@ -109,8 +116,9 @@ export function rows(form, s, value, pointer) {
       const widget = form.build(s.items, item, `${pointer}/${i}`);
       widgets.push(widget);
       const remove = () => (show(read().filter((_, k) => k !== i)), form.update());
-      return h("div", { class: "row" }, widget.node,
-        h("button", { type: "button", class: "quiet", "aria-label": `Remove ${name} ${i + 1}`, onclick: remove }, "✕"));
+      const cross = button("✕", remove, "quiet");
+      cross.setAttribute("aria-label", `Remove ${name} ${i + 1}`);
+      return h("div", { class: "row" }, widget.node, cross);
     }));
   };
   const read = () => widgets.map((widget) => widget.read());
@@ -118,11 +126,14 @@ export function rows(form, s, value, pointer) {
   show(value ?? []);
   const node = h("fieldset", { class: "part card" }, h("legend", {}, name));
   form.place(pointer, node, s, []);
-  node.append(list, h("button", { type: "button", class: "quiet", onclick: add }, "+ Add"));
+  node.append(list, button("+ Add", add, "quiet"));
   return { node, read };
 }
 
-/** A square matrix of compound things. @param {Form} form @param {Schema} s @param {any} value @param {string} pointer @returns {Widget} */
+/**
+ * A square matrix.
+ * @param {Form} form @param {Schema} s @param {any} value @param {string} pointer @returns {Widget}
+ */
 export function grid(form, s, value, pointer) {
   const id = newId("f");
   const largest = s.maxItems ?? 10;
@@ -148,8 +159,8 @@ export function grid(form, s, value, pointer) {
   return { node, read };
 }
 
-/** @param {Widget} widget */
-const isConst = (widget) => widget.node.hidden && !widget.node.dataset.pointer;
+/** @param {Widget} widget hidden, and not because it is a constant */
+const isIrrelevant = ({ node }) => node.hidden && node.dataset.pointer;
 
 /** @param {Schema} part @param {any} value */
 const sameKind = (part, value) => !("const" in part) && faults(part, value).length === 0;

@@ -71,8 +71,14 @@ export function table(caption, head, rows) {
       h("tbody", {}, rows.map((row) => h("tr", {}, row.map(cell))))));
 }
 
-/** @param {string} name @param {BlobPart} content @param {string} type */
-export function download(name, content, type) {
+/** @param {string} text @param {() => void} onclick @param {string} [kind] */
+export const button = (text, onclick, kind) => h("button", { type: "button", class: kind, onclick }, text);
+
+/** The head of a view. @param {Child} title @param {...Child} rest */
+export const lead = (title, ...rest) => h("header", { class: "lead" }, h("h1", { tabindex: "-1" }, title), rest);
+
+/** @param {string} name @param {BlobPart} content @param {string} [type] */
+export function download(name, content, type = "application/json") {
   const url = URL.createObjectURL(new Blob([content], { type }));
   h("a", { href: url, download: name }).click();
   setTimeout(() => URL.revokeObjectURL(url), 10_000);

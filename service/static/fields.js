@@ -67,7 +67,8 @@ export function key(pointer) {
   const parts = pointer.split("/");
   const numbers = parts.filter((part) => /^\d+$/.test(part)).map((part) => Number(part) + 1);
   if (!/^\d+$/.test(parts.at(-1) ?? "")) return parts.at(-1) ?? "";
-  return numbers.length > 1 ? `Row ${numbers.at(-2)}, column ${numbers.at(-1)}` : `${parts.at(-2)?.replace(/s$/, "")} ${numbers.at(-1)}`;
+  if (numbers.length > 1) return `Row ${numbers.at(-2)}, column ${numbers.at(-1)}`;
+  return `${parts.at(-2)?.replace(/s$/, "")} ${numbers.at(-1)}`;
 }
 
 /** @param {string} text a number, with a point or a comma; other text stays, to be found faulty */

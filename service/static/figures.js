@@ -58,14 +58,16 @@ export async function showFigures(place, answer, name) {
   }
 }
 
-/** @param {string} path @param {string} [method] @param {unknown} [body] @param {string} [declared] the path in the document */
-export function fetchFigures(path, method = "GET", body, declared = path) {
-  const query = takes(declared, "unit", method.toLowerCase()) ? `?unit=${encodeURIComponent(timeUnit())}` : "";
-  return request(method, path + query, { body });
-}
+/** The path that asks for texts in the user's unit. @param {string} path @param {string} declared its form */
+export const inUnit = (path, declared, method = "get") =>
+  takes(declared, "unit", method) ? `${path}?unit=${encodeURIComponent(timeUnit())}` : path;
 
-/** The figures of a tuning. @param {string} id */
-export const figuresOf = (id) => fetchFigures(`/v1/tunings/${id}/figures`, "GET", undefined, "/v1/tunings/{job_id}/figures");
+/** The figures of a tuning. @param {string} id @returns {Promise<Figures>} */
+export const figuresOf = (id) =>
+  request("GET", inUnit(`/v1/tunings/${id}/figures`, "/v1/tunings/{job_id}/figures"));
+
+/** The figures of an analysis. @param {string} path @param {unknown} body @returns {Promise<Figures>} */
+export const figuresOfAnswer = (path, body) => request("POST", inUnit(path, path, "post"), { body });
 
 /**
  * Draw figures one after another, so that the page stays usable meanwhile.

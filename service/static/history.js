@@ -1,7 +1,7 @@
 /** The views of many tunings: their history, and two side by side. */
 
 import { FINAL, pause, request } from "./api.js";
-import { h, table } from "./dom.js";
+import { h, lead, put, table } from "./dom.js";
 import { figuresOf, showFigures } from "./figures.js";
 import { clock, label, number, setTimeUnit, unitOf } from "./format.js";
 import { chipOf } from "./job.js";
@@ -48,13 +48,14 @@ export async function historyView({ main, signal, keep }) {
     }
     more.hidden = !next;
     const focused = document.activeElement;
-    if (!jobs.length) place.replaceChildren(h("p", {}, "No tuning yet. ", h("a", { href: "#/" }, "Start the first one.")));
-    else if (!place.contains(focused)) place.replaceChildren(table("Tunings, newest first", ["Plant", "Status", "Best", "Started", "Compare"],
-      jobs.map((job) => [...line(job), choice(job)])));
+    const none = h("p", {}, "No tuning yet. ", h("a", { href: "#/" }, "Start the first one."));
+    const rows = jobs.map((job) => [...line(job), choice(job)]);
+    const heads = ["Plant", "Status", "Best", "Started", "Compare"];
+    if (!place.contains(focused)) put(place, rows.length ? table("Tunings, newest first", heads, rows) : none);
     return jobs.some((job) => !FINAL.has(job.status));
   };
   more.addEventListener("click", () => (pages++, load()));
-  main.replaceChildren(h("header", { class: "lead" }, h("h1", { tabindex: "-1" }, "History")),
+  main.replaceChildren(lead("History"),
     h("section", { class: "card" }, place, h("div", { class: "buttons" }, compare, more)));
   const running = await load();
   if (running) keep(poll());
@@ -86,25 +87,30 @@ export async function compareView({ main, signal, go }, query) {
   const pick = (name, i) => {
     const options = items.map((job) => {
       const { title, aim } = summary(job.request);
-      return h("option", { value: job.id, selected: job.id === ids[i] }, `${title} · ${aim} · ${number(job.progress.best)} · ${clock(job.created_at)}`);
+      const text = [title, aim, number(job.progress.best), clock(job.created_at)].join(" · ");
+      return h("option", { value: job.id, selected: job.id === ids[i] }, text);
     });
     const select = h("select", { id: name }, h("option", { value: "" }, "Choose a tuning"), options);
-    select.addEventListener("change", () => go(`#/compare?${new URLSearchParams({ ...Object.fromEntries(query), [name]: select.value })}`));
+    select.addEventListener("change", () => {
+      query.set(name, select.value);
+      go(`#/compare?${query}`);
+    });
     return h("div", { class: "field" }, h("label", { for: name }, i ? "Second" : "First"), select);
   };
   const body = h("div", {});
-  main.replaceChildren(h("header", { class: "lead" }, h("h1", { tabindex: "-1" }, "Compare two tunings")),
+  main.replaceChildren(lead("Compare two tunings"),
     h("div", { class: "cards" }, ["a", "b"].map(pick)), body);
   if (!ids[0] || !ids[1]) return;
 
   setTimeUnit(unitOf(ids[0]) ?? "time units");
   const jobs = await Promise.all(ids.map((id) => request("GET", `/v1/tunings/${id}`, { signal })));
-  const heads = jobs.map((job, i) => h("a", { href: `#/tunings/${job.id}` }, `${i ? "Second" : "First"}: ${summary(job.request).title}`));
+  const heads = jobs.map((job, i) =>
+    h("a", { href: `#/tunings/${job.id}` }, `${i ? "Second" : "First"}: ${summary(job.request).title}`));
   const told = jobs.map(({ result }) => new Map(flat(result ? essence(result) : {})));
   const asked = jobs.map((job) => new Map(flat(job.request)));
   const rows = (sides, every) => [...new Set(sides.flatMap((side) => [...side.keys()]))]
     .filter((at) => every || sides[0].get(at) !== sides[1].get(at))
-    .map((at) => [at.split("/").slice(1).map(label).join(" › "), ...sides.map((side) => h("span", { class: "value" }, side.get(at) ?? "–"))]);
+    .map((at) => [at.split("/").slice(1).map(label).join(" › "), ...sides.map((side) => side.get(at) ?? "–")]);
   const differing = rows(asked, false);
   const columns = h("div", { class: "figures" });
   body.replaceChildren(

@@ -1,7 +1,7 @@
 /** The view of a tuning: its progress while it runs, then its result. */
 
 import { FINAL, follow, request } from "./api.js";
-import { h, put, svg } from "./dom.js";
+import { button, h, lead, put, svg } from "./dom.js";
 import { clock, duration, label, number, setTimeUnit, unitOf, unitTag } from "./format.js";
 import { summary } from "./record.js";
 import { resultView } from "./result.js";
@@ -26,7 +26,7 @@ export async function jobView({ main, signal, keep }, id, query) {
   const chip = h("span", {}, chipOf(job.status));
   const body = h("div", {});
   main.replaceChildren(
-    h("header", { class: "lead" }, h("h1", { tabindex: "-1" }, title, " ", chip), h("p", {}, aim, " · ", clock(job.created_at))),
+    lead(h("span", {}, title, " ", chip), h("p", {}, aim, " · ", clock(job.created_at))),
     body);
   const ended = (last) => {
     chip.replaceChildren(chipOf(last.result?.status === "infeasible" ? "infeasible" : last.status));
@@ -52,10 +52,10 @@ function progress(job, cancel) {
   const bar = h("progress", { max: 1, "aria-label": "Part of the search done" });
   const told = h("p", { class: "help" });
   const line = svg("polyline", { points: "" });
-  const trace = svg("svg", { viewBox: "0 0 100 30", preserveAspectRatio: "none", class: "trace", "aria-hidden": "true" }, line);
-  const button = h("button", { type: "button" }, "Cancel");
-  button.addEventListener("click", () => {
-    button.disabled = true;
+  const frame = { viewBox: "0 0 100 30", preserveAspectRatio: "none", class: "trace", "aria-hidden": "true" };
+  const trace = svg("svg", frame, line);
+  const stop = button("Cancel", () => {
+    stop.disabled = true;
     cancel();
   });
   const seen = /** @type {{at: number, best: number}[]} */ ([]);
@@ -68,7 +68,7 @@ function progress(job, cancel) {
   };
   const timer = setInterval(tick, 500);
   const node = h("section", { class: "card progress" },
-    h("h2", {}, "Best so far"), h("p", {}, output, " ", unit), trace, bar, told, button);
+    h("h2", {}, "Best so far"), h("p", {}, output, " ", unit), trace, bar, told, stop);
   const update = (now) => {
     fraction = now.progress.fraction;
     bar.value = fraction;

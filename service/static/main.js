@@ -1,15 +1,18 @@
 /** The page: which view is shown, and what stands around it. */
 
 import { connection, onKeyNeeded, Problem } from "./api.js";
-import { h } from "./dom.js";
+import { h, lead } from "./dom.js";
 import { label } from "./format.js";
 import { compareView, historyView } from "./history.js";
 import { jobView } from "./job.js";
 import { requestView } from "./request.js";
 import { analyses, exists, loadSchema } from "./schema.js";
 
-/** @typedef {{main: HTMLElement, signal: AbortSignal, go: (hash: string) => void, keep: (work: Promise<any>) => void}} View
- * `keep` minds work that goes on after the view stands there */
+/**
+ * What a view is given; `keep` minds work that goes on after the view stands there.
+ * @typedef {{main: HTMLElement, signal: AbortSignal, go: (hash: string) => void,
+ *   keep: (work: Promise<any>) => void}} View
+ */
 
 const main = /** @type {HTMLElement} */ (document.querySelector("main"));
 const banner = /** @type {HTMLElement} */ (document.querySelector("#connection"));
@@ -30,9 +33,9 @@ function show(view, path, query) {
 
 /** @param {View} view */
 async function analysesView({ main: place }) {
-  place.replaceChildren(h("header", { class: "lead" }, h("h1", { tabindex: "-1" }, "Analyse")),
-    h("ul", { class: "cards links" }, analyses().map((op) =>
-      h("li", { class: "card" }, h("h2", {}, h("a", { href: `#/analyses/${op.name}` }, label(op.name))), h("p", {}, op.description)))));
+  const items = analyses().map(({ name, description }) => h("li", { class: "card" },
+    h("h2", {}, h("a", { href: `#/analyses/${name}` }, label(name))), h("p", {}, description)));
+  place.replaceChildren(lead("Analyse"), h("ul", { class: "cards links" }, items));
 }
 
 async function route() {
@@ -48,7 +51,7 @@ async function route() {
   const failed = (error) => {
     if (signal.aborted) return;
     if (!(error instanceof Problem)) throw error;
-    main.replaceChildren(h("section", { class: "card hero missed" }, h("h1", { tabindex: "-1" }, error.title), h("p", {}, error.message)));
+    main.replaceChildren(lead(error.title, h("p", { class: "error" }, error.message)));
   };
   const view = { main, signal, go: (hash) => { location.hash = hash; }, keep: (work) => void work.catch(failed) };
   main.setAttribute("aria-busy", "true");

@@ -12,11 +12,16 @@ const TEXT = 60; // characters that fit beside other terms
 const isComplex = (value) => value !== null && Object.keys(value).join() === "re,im";
 const isScalar = (value) => value === null || typeof value !== "object" || isComplex(value);
 const isList = (value) => Array.isArray(value) && value.every(isScalar) && typeof value[0] !== "string";
-const isPair = (value) => !Array.isArray(value) && Object.keys(value).length < 4 && Object.values(value).every(isScalar);
+const isPair = (value) =>
+  !Array.isArray(value) && Object.keys(value).length < 4 && Object.values(value).every(isScalar);
 const isShort = (value) => isScalar(value) || (isList(value) ? value.length <= LONG : isPair(value));
 /** Numbers that a figure shows and no table can: long lists, and stacks of matrices. */
 const isData = (value) => depth(value) > 0 && (depth(value) > 2 || value.length > LONG || value[0].length > LONG);
-const depth = (value) => (!Array.isArray(value) ? 0 : isList(value) ? 1 : value.every((row) => depth(row)) ? 1 + depth(value[0]) : 0);
+const depth = (value) => {
+  if (!Array.isArray(value)) return 0;
+  if (isList(value)) return 1;
+  return value.every(depth) ? 1 + depth(value[0]) : 0;
+};
 const isRecord = (value) => !isScalar(value) && !Array.isArray(value) && Object.values(value).every(isShort);
 
 /** @param {any} value one that is short @returns {string} */
@@ -30,7 +35,8 @@ function short(value) {
     return `${number(value.re)} ${value.im < 0 ? "−" : "+"} ${number(Math.abs(value.im))}i`;
   }
   if (Array.isArray(value)) return value.map(short).join(", ");
-  return Object.entries(value).map(([key, item], i) => (i ? `${label(key).toLowerCase()} ${short(item)}` : short(item))).join(", ");
+  const named = ([key, item], i) => (i ? `${label(key).toLowerCase()} ${short(item)}` : short(item));
+  return Object.entries(value).map(named).join(", ");
 }
 
 /** @param {Schema} schema @param {any} value */
@@ -47,8 +53,11 @@ export function record(value, schema, name, level = 2) {
   const s = partOf(schema, value);
   if (Array.isArray(value)) return list(value, s, name, level);
   const parts = Object.values(value);
-  const alike = parts.length > 1 && parts.every(isRecord) && new Set(parts.map((item) => Object.keys(item).join())).size === 1;
-  if (alike) return sheet(name, Object.keys(value).map(label), parts, partOf(Object.values(s.properties ?? {})[0] ?? {}, parts[0]));
+  const kinds = new Set(parts.map((item) => (isRecord(item) ? Object.keys(item).join() : "")));
+  if (parts.length > 1 && kinds.size === 1 && !kinds.has("")) {
+    const part = partOf(Object.values(s.properties ?? {})[0] ?? {}, parts[0]);
+    return sheet(name, Object.keys(value).map(label), parts, part);
+  }
   const heading = h(/** @type {"h2"} */ (`h${Math.min(level, 6)}`), {}, label(name));
   return h("section", { class: level === 2 ? "card" : "part" }, heading, members(value, s, level));
 }
@@ -63,10 +72,12 @@ function members(value, s, level) {
     h("div", { class: String(item).length > TEXT && typeof item === "string" ? "text" : "" }, h("dt", {}, label(key)),
       h("dd", {}, short(item), " ", unitTag(part["x-unit"])),
       part.description ? h("dd", { class: "help" }, part.description) : null));
+  const rest = entries.filter(({ item }) => !isShort(item) && !isData(item));
+  const filed = long.map(({ key, item }) => `${label(key).toLowerCase()} (${item.length} values)`).join(", ");
   return [
-    terms.length ? h("dl", {}, terms) : null,
-    ...entries.filter(({ item }) => !isShort(item) && !isData(item)).map(({ key, item, s: part }) => record(item, part, key, level + 1)),
-    long.length ? h("p", { class: "help" }, `In the file: ${long.map(({ key, item }) => `${label(key).toLowerCase()} (${item.length} values)`).join(", ")}.`) : null,
+    terms.length > 0 && h("dl", {}, terms),
+    ...rest.map(({ key, item, s: part }) => record(item, part, key, level + 1)),
+    long.length > 0 && h("p", { class: "help" }, `In the file: ${filed}.`),
   ];
 }
 
@@ -78,29 +89,35 @@ function list(items, s, name, level) {
   if (items.every(isRecord)) return sheet(name, numbered, items, item);
   if (items.every(isList)) {
     const rows = items.slice(0, LONG).map((row, r) => [numbered[r], ...row.slice(0, LONG).map(short)]);
-    return rest(items, table(label(name), numbered.length ? ["", ...rows[0].slice(1).map((_, k) => String(k + 1))] : [], rows));
+    return first(items, table(label(name), rows[0].map((_, k) => (k ? String(k) : "")), rows));
   }
   const one = label(name).replace(/ies$/, "y").replace(/s$/, "");
-  return rest(items, h("div", { class: "part" }, items.slice(0, LONG).map((entry, i) =>
-    h("details", { open: i === 0 }, h("summary", {}, `${one} ${i + 1}`), isShort(entry) ? short(entry) : members(entry, item, level + 1)))));
+  return first(items, h("div", {}, items.slice(0, LONG).map((entry, i) =>
+    h("details", { open: i === 0 }, h("summary", {}, `${one} ${i + 1}`),
+      isShort(entry) ? short(entry) : members(entry, item, level + 1)))));
 }
 
-/** Things of one kind, a row each. @param {string} name @param {string[]} heads @param {any[]} items @param {Schema} s */
+/**
+ * Things of one kind, a row each.
+ * @param {string} name @param {string[]} heads @param {any[]} items @param {Schema} s
+ */
 function sheet(name, heads, items, s) {
   const keys = Object.keys(items[0]).filter((key) => items.some((item) => item[key] !== null));
   const columns = keys.map((key) => h("span", {}, label(key), " ", unitTag(s.properties?.[key]?.["x-unit"])));
-  return rest(items, table(label(name), ["", ...columns], items.slice(0, LONG).map((item, i) => [heads[i], ...keys.map((key) => short(item[key]))])));
+  const rows = items.slice(0, LONG).map((item, i) => [heads[i], ...keys.map((key) => short(item[key]))]);
+  return first(items, table(label(name), ["", ...columns], rows));
 }
 
-/** @param {any[]} items @param {HTMLElement} node those that are shown */
-const rest = (items, node) =>
-  h("div", { class: "part" }, node, items.length > LONG ? h("p", { class: "help" }, `${items.length - LONG} more in the file.`) : null);
+/** @param {any[]} items @param {HTMLElement} node the first of them */
+const first = (items, node) => h("div", { class: "part" }, node,
+  items.length > LONG && h("p", { class: "help" }, `${items.length - LONG} more in the file.`));
 
 /** What a request asks for, in a line. @param {any} request */
 export function summary(request) {
   const { plant, controller, objective, performance } = request;
-  const size = plant.kind === "matrix" ? `${plant.elements.length} × ${plant.elements.length} plant` : `${plant.n} units`;
-  const lag = plant.kind === "first_order" ? `, τ = ${number(plant.time_constant)}, a = ${number(plant.interaction)}` : "";
+  const { kind, n, elements, time_constant, interaction } = plant;
+  const size = kind === "matrix" ? `${elements.length} × ${elements.length} plant` : `${n} units`;
+  const lag = kind === "first_order" ? `, τ = ${number(time_constant)}, a = ${number(interaction)}` : "";
   const aim = objective === "mu" ? `least μ at τₚ = ${number(performance.tau_p)}` : "least τₚ";
   return { title: `${size}${lag}`, aim: `${controller.kind} ${option(controller.arrangement).toLowerCase()}, ${aim}` };
 }

@@ -1,9 +1,9 @@
 /** The view of a request: a form, examples to start from, and what comes of it. */
 
 import { newKey, Problem, request } from "./api.js";
-import { download, h } from "./dom.js";
+import { button, download, h, lead } from "./dom.js";
 import { Form } from "./form.js";
-import { fetchFigures, showFigures } from "./figures.js";
+import { figuresOfAnswer, showFigures } from "./figures.js";
 import { label, rememberUnit, setTimeUnit, timeUnit, unitOf } from "./format.js";
 import { record } from "./record.js";
 import { analyses, exists, faults, initial, operation, resolve } from "./schema.js";
@@ -38,7 +38,7 @@ export async function requestView({ main, signal, go }, path, { from, title }) {
   const formulas = h("div", {});
   const problem = h("p", { class: "error", role: "alert" });
   const outcome = h("div", { class: "outcome", "aria-live": "polite" });
-  const button = h("button", { type: "submit", class: "main", form: "request" }, isJob ? "Start tuning" : "Analyse");
+  const send = h("button", { type: "submit", class: "main", form: "request" }, isJob ? "Start tuning" : "Analyse");
   /** @type {Form} */
   let form;
   const show = (value) => {
@@ -61,7 +61,7 @@ export async function requestView({ main, signal, go }, path, { from, title }) {
       problem.textContent = count === 1 ? "One field needs attention." : `${count} fields need attention.`;
       return;
     }
-    button.disabled = true;
+    send.disabled = true;
     const body = form.read();
     try {
       if (isJob) {
@@ -81,7 +81,7 @@ export async function requestView({ main, signal, go }, path, { from, title }) {
       form.submit();
       problem.textContent = error.faults.length ? `${error.title}.` : `${error.title}: ${error.message}`;
     } finally {
-      button.disabled = false;
+      send.disabled = false;
     }
   };
 
@@ -90,25 +90,27 @@ export async function requestView({ main, signal, go }, path, { from, title }) {
   const areas = analyses().map(({ name }) => name.replaceAll("-", "_").replace(/s$/, "s?")).join("|");
   const own = op.name.replaceAll("-", "_").replace(/s$/, "");
   items.sort((a, b) => Number(b.name.startsWith(own)) - Number(a.name.startsWith(own)));
-  const offers = items
-    .map((item) => ({ name: label(item.name.replace(new RegExp(`^(${areas})_`), "")), value: fitting(op.input, item.request) }))
-    .filter((offer, i, all) => faults(op.input, offer.value).length === 0 && all.findIndex(({ name }) => name === offer.name) === i);
-  if (!offers.length) offers.push({ name: "Example", value: initial(op.input) });
-  const chip = (name, value) =>
-    h("button", { type: "button", class: "chip", onclick: () => show(value) }, name);
+  const offers = /** @type {Map<string, any>} */ (new Map());
+  for (const item of items) {
+    const name = label(item.name.replace(new RegExp(`^(${areas})_`), ""));
+    const value = fitting(op.input, item.request);
+    if (!offers.has(name) && faults(op.input, value).length === 0) offers.set(name, value);
+  }
+  if (!offers.size) offers.set("Example", initial(op.input));
+  offers.set("Empty form", initial(op.input, false));
   const unit = h("input", { id: "unit", list: "units", maxlength: 20, value: timeUnit(), autocomplete: "off" });
   unit.addEventListener("input", () => (setTimeUnit(unit.value), rememberUnit("last")));
 
   show(start);
   main.replaceChildren(
-    h("header", { class: "lead" }, h("h1", { tabindex: "-1" }, title ?? op.summary), h("p", {}, resolve(op.input).description),
+    lead(title ?? op.summary, h("p", {}, resolve(op.input).description),
       h("div", { class: "field unit-of-time" }, h("label", { for: "unit" }, "Unit of time"), unit),
       h("datalist", { id: "units" }, ["s", "min", "h"].map((value) => h("option", { value })))),
     h("div", { class: "chips" }, h("span", {}, "Start from"),
-      offers.map((offer) => chip(offer.name, offer.value)), chip("Empty form", initial(op.input, false))),
+      [...offers].map(([name, value]) => button(name, () => show(value), "chip"))),
     h("div", { class: "split" }, place,
       h("aside", { class: "card" },
-        formulas, problem, button)),
+        formulas, problem, send)),
     outcome);
 }
 
@@ -116,8 +118,7 @@ export async function requestView({ main, signal, go }, path, { from, title }) {
 function answered(op, answer) {
   const figures = h("div", { class: "figures" });
   const path = `/v1/figures/${op.name}`;
-  if (exists(path)) showFigures(figures, fetchFigures(path, "POST", answer), op.name);
-  const save = () => download(`${op.name}.json`, JSON.stringify(answer, null, 2), "application/json");
-  return h("div", {}, figures, record(answer, op.output, "result"),
-    h("p", {}, h("button", { type: "button", class: "quiet", onclick: save }, "Download JSON")));
+  if (exists(path)) showFigures(figures, figuresOfAnswer(path, answer), op.name);
+  const save = () => download(`${op.name}.json`, JSON.stringify(answer, null, 2));
+  return h("div", {}, figures, record(answer, op.output, "result"), h("p", {}, button("Download JSON", save, "quiet")));
 }

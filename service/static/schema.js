@@ -4,7 +4,10 @@ import { request } from "./api.js";
 
 /** @typedef {import("./api.js").Fault} Fault */
 /** @typedef {Record<string, any>} Schema JSON schema, or a part of it */
-/** @typedef {{path: string, name: string, summary: string, description: string, input: Schema, output: Schema}} Operation */
+/**
+ * @typedef {{path: string, name: string, summary: string, description: string,
+ *   input: Schema, output: Schema}} Operation
+ */
 
 /** @type {any} */
 let openapi;
