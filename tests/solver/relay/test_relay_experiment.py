@@ -15,7 +15,7 @@ from solver.relay import (
     RelayOutcome,
     relay_experiment,
 )
-from solver.simulation import Loop
+from solver.simulation import Loop, Step, StepKind
 from solver.transfer_function import TransferFunction
 
 
@@ -223,3 +223,43 @@ def test_impossible_relays_name_the_field(change: dict, field: str) -> None:
     with pytest.raises(InvalidInputError) as caught:
         Relay(**change)
     assert caught.value.field == field
+
+
+def test_incomplete_pairing_has_no_equal_loops() -> None:
+    """Three loops of which one is named: which input the others have is not said."""
+    lag = TransferFunction([1], np.poly([-1, -1, -1]))
+    weak = TransferFunction([0.1], [1, 1])
+    plant = MatrixPlant([[lag if r == c else weak for c in range(3)] for r in range(3)])
+    outcome = relay_experiment(RelayExperiment(plant, 0, 0, Relay(1.0, 0.1), (), 5.0))
+    assert outcome.theory.mcavoy is None
+
+
+def test_a_loop_without_ultimate_point_has_none_among_equals() -> None:
+    """First-order lags never oscillate under proportional control."""
+    outcome = relay_experiment(
+        RelayExperiment(first_order(2, 1.0, 10.0, 0.5), 0, 0, Relay(1.0, 0.1), (), 20.0)
+    )
+    assert outcome.theory.ultimate is None
+    assert outcome.theory.mcavoy is None
+
+
+def test_a_disturbance_of_a_missing_unit_is_refused() -> None:
+    """Its pointer names the step."""
+    with pytest.raises(InvalidInputError) as caught:
+        RelayExperiment(PLANT, 0, 0, Relay(), (), 10.0, steps=(Step(StepKind.LOAD, 2, 0.0, 1.0),))
+    assert caught.value.field == "/steps/0/unit"
+
+
+def test_a_load_step_biases_the_oscillation() -> None:
+    """With a load the relay spends unequal times on both sides, its mean cancelling the load."""
+    process = MatrixPlant([[TransferFunction([1], [1, 2, 1], 0.5)]])
+    experiment = RelayExperiment(
+        process, 0, 0, Relay(1.0, 0.02), (), 60.0, steps=(Step(StepKind.LOAD, 0, 5.0, 0.3),)
+    )
+    outcome = relay_experiment(experiment)
+    assert outcome.behaviour is Behaviour.LIMIT_CYCLE
+    up, down = np.diff(outcome.switchings)[-2:]
+    if outcome.switchings.size % 2:
+        up, down = down, up
+    # The mean of the output is small beside the load: the relay's mean is nearly minus the load.
+    assert abs(up - down) / (up + down) == pytest.approx(0.3, abs=0.1)

@@ -20,6 +20,7 @@ from solver.simulation import (
     StepResponse,
     difficult_direction,
     easy_direction,
+    integrator,
     step_response,
 )
 from solver.transfer_function import TransferFunction
@@ -388,6 +389,14 @@ def test_violently_unstable_loop_is_finite() -> None:
     assert np.all(np.isfinite(result.responses[0].output))
 
 
+def test_growth_beyond_all_numbers_is_finite() -> None:
+    """A pole that overflows within the shortest step ends the simulation at once, finite."""
+    plant = MatrixPlant([[TransferFunction([1], [1e-12, -1e12])]])
+    result = step_response(Experiment(plant, (Loop(1.0),), (SETPOINT,), 10.0))
+    assert result.end is End.BOUND
+    assert np.all(np.isfinite(result.responses[0].output))
+
+
 def test_skogestad_figures_8_to_10() -> None:
     """SLH (1989), section 5.3: what its figures show of the two tunings, dead time 1 included."""
     plant = first_order(2, 1.0, 100.0, 0.949, 1.0)
@@ -570,10 +579,11 @@ def test_too_many_different_units_are_refused() -> None:
     assert caught.value.field == "/steps"
 
 
-def test_endless_jumps_end_at_the_step_limit() -> None:
+def test_endless_jumps_end_at_the_step_limit(monkeypatch: pytest.MonkeyPatch) -> None:
     """Dead times without common measure around direct paths breed jumps without end: flagged."""
+    monkeypatch.setattr(integrator, "MAX_STEPS", 1000)
     delays = [[0.01, 0.01 * sqrt(2)], [0.01 * sqrt(3), 0.01 * sqrt(5)]]
     plant = MatrixPlant([[TransferFunction([0.4], [1], d) for d in row] for row in delays])
-    result = step_response(Experiment(plant, (Loop(1.0), Loop(0.9)), (SETPOINT,), 90.0))
+    result = step_response(Experiment(plant, (Loop(1.0), Loop(0.9)), (SETPOINT,), 9.0))
     assert result.end is End.STEP_LIMIT
     assert np.all(np.isfinite(result.responses[0].output))
