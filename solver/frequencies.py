@@ -83,5 +83,6 @@ def _corners_of_functions(functions: Iterable[TransferFunction]) -> set[float]:
 
 
 def _ascending(found: set[float]) -> NDArray[np.float64]:
-    positive = [value for value in found if value > 0]
-    return np.array(sorted(positive)) if positive else np.array([1.0])
+    positive = sorted(value for value in found if value > 0)
+    # Times go up to 1e12; what bends further out than this is a coefficient that might be zero.
+    return np.clip(positive, 1e-18, 1e18) if positive else np.array([1.0])

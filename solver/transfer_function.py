@@ -16,10 +16,12 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["LARGEST", "MAX_ORDER", "TransferFunction"]
+__all__ = ["LARGEST", "MAX_ORDER", "SMALLEST", "TransferFunction"]
 
 # Products of a few dozen such numbers still fit a double, so no evaluation can overflow.
 LARGEST = 1e12
+# Quotients of coefficients must be numbers: a smaller one is zero or a slip.
+SMALLEST = 1e-150
 MAX_ORDER = 20
 
 
@@ -38,8 +40,9 @@ class TransferFunction:
     Raises
     ------
     InvalidInputError
-        An empty or zero-leading polynomial, a number that is not finite or is above `LARGEST`
-        in magnitude, an improper quotient, an order above `MAX_ORDER`, a negative dead time.
+        An empty or zero-leading polynomial, a number that is not finite, is above `LARGEST` or,
+        without being zero, below `SMALLEST` in magnitude, an improper quotient, an order above
+        `MAX_ORDER`, a negative dead time.
 
     Examples
     --------
@@ -168,6 +171,9 @@ def _polynomial(coefficients: Sequence[float], field: str) -> tuple[float, ...]:
     for index, value in enumerate(values):
         if not abs(value) <= LARGEST:
             message = f"coefficients must be finite and at most {LARGEST:g} in magnitude"
+            raise InvalidInputError(message, f"{field}/{index}")
+        if 0 < abs(value) < SMALLEST:
+            message = f"coefficients must be zero or at least {SMALLEST:g} in magnitude"
             raise InvalidInputError(message, f"{field}/{index}")
     if values[0] == 0 and len(values) > 1:
         message = "the leading coefficient is zero; drop it"

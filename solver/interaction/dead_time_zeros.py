@@ -30,6 +30,8 @@ SumMatrix = list[list[tuple["TransferFunction", ...]]]
 """Square matrix of sums of transfer functions."""
 
 _REACH = 10.0  # over the highest corner frequency
+_ALMOST_ZERO = 1e-60
+_LARGEST_RADIUS = 1e13  # its 20th power times a coefficient still is a number
 _MAX_PHASE = 60.0  # radians by which dead time may turn the determinant: about ten zeros
 
 
@@ -39,7 +41,7 @@ def search_radius(rows: SumMatrix) -> float:
     Ten times the highest corner frequency, less where dead times turn the determinant by more
     than 60 rad before.
     """
-    reach = _REACH * float(corners_of(_terms(rows))[-1])
+    reach = min(_REACH * float(corners_of(_terms(rows))[-1]), _LARGEST_RADIUS)
     longest = float(np.sum(np.max(_remaining_dead_times(rows), axis=(1, 2))))
     return min(reach, _MAX_PHASE / longest) if longest > 0 else reach
 
@@ -112,7 +114,11 @@ class _Delayed:
         num = np.array([[[padded(term.num) for term in terms] for terms in row] for row in rows])
         den = np.array([[[padded(term.den) for term in terms] for terms in row] for row in rows])
         weights = np.array(factors, dtype=float)[:, None]
-        return cls(num * weights, den, _remaining_dead_times(rows))
+        # Rows scaled by constants, which moves no zero: the determinant must not overflow.
+        size = np.max(np.abs(num), axis=3) / np.max(np.abs(den), axis=3)
+        largest = np.max(size, axis=(1, 2))
+        largest = np.where(largest > 0, largest, 1.0)[:, None, None, None]
+        return cls(num / largest * weights, den, _remaining_dead_times(rows))
 
     def __call__(self, points: NDArray[Any]) -> NDArray[np.complex128]:
         # Horner's rule overflows nowhere: coefficients and radius are bounded, the order too.
@@ -122,6 +128,7 @@ class _Delayed:
         for power in range(self.num.shape[-1]):
             num = num * s + self.num[..., power]
             den = den * s + self.den[..., power]
+        den = np.where(den == 0, _ALMOST_ZERO, den)  # a pole reads as huge
         total: NDArray[np.complex128] = np.sum(num / den * np.exp(-self.dead_times * s), axis=3)
         return total
 

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from solver.interaction.sampling import turns
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -78,7 +80,7 @@ class DecoupledLoops:
         # At the lowest frequency Q is nearly the identity: the argument is that of its loops.
         loops = (1 + C[0]) * wash[0]
         start = float(np.sum(np.angle(loops)) + np.angle(F[0] / np.prod(loops)))
-        turn = start + float(np.sum(np.angle(F[1:] * F[:-1].conj())))
+        turn = start + float(np.sum(turns(np.angle(F))))
         return round(turn / math.pi) == 0
 
     def _process(self, omega: NDArray[np.float64]) -> NDArray[np.complex128]:

@@ -183,10 +183,12 @@ def _simulate(model: DriveModel, experiment: DriveExperiment) -> DriveResponse:
         steps = max(math.ceil(scenario.points * (end - start) / scenario.end), 2)
         block = np.zeros((states + inputs, states + inputs))
         block[:states] = np.hstack([model.A, model.B]) * ((end - start) / steps)
-        advance = expm(block)[:states]
+        with np.errstate(over="ignore", invalid="ignore"):  # a loop that explodes within a step
+            advance = expm(block)[:states]
         for index in range(steps + 1):
             if index:
-                x = advance @ np.concatenate([x, v])
+                with np.errstate(over="ignore", invalid="ignore"):
+                    x = advance @ np.concatenate([x, v])
             if not np.max(np.abs(x)) <= _BOUND:
                 bounded = False
                 break

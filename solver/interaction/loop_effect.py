@@ -23,6 +23,7 @@ from solver.interaction.rational_matrix import (
     decimal,
     least_common_multiple,
     roots_of,
+    to_float,
 )
 from solver.transfer_function import LARGEST
 
@@ -117,17 +118,17 @@ def static_effects(gain: NDArray[np.float64]) -> tuple[StaticEffect, ...]:
         P(0), finite.
 
     """
-    P = gain
     effects = []
-    for loop, other in itertools.permutations(range(len(P)), 2):
-        determinant = P[loop, loop] * P[other, other] - P[loop, other] * P[other, loop]
-        closed = determinant / P[other, other] if P[other, other] else math.inf
+    for loop, other in itertools.permutations(range(len(gain)), 2):
+        own, far = float(gain[loop, loop]), float(gain[other, other])
+        determinant = own * far - float(gain[loop, other] * gain[other, loop])
+        closed = determinant / far if far else math.inf
         reversal = None
-        if determinant and P[other, other] and P[loop, loop]:
-            zero = -P[loop, loop] / determinant  # p_ii + k (p_ii p_jj - p_ij p_ji) = 0
+        if determinant and far and own:
+            zero = -own / determinant  # p_ii + k (p_ii p_jj - p_ij p_ji) = 0
             # A gain of the wrong sign would make the other loop itself unstable.
-            reversal = float(zero) if zero * P[other, other] > 0 else None
-        effects.append(StaticEffect(loop, other, float(P[loop, loop]), float(closed), reversal))
+            reversal = zero if zero * far > 0 else None
+        effects.append(StaticEffect(loop, other, own, closed, reversal))
     return tuple(effects)
 
 
@@ -250,11 +251,8 @@ def _static_gain(own: Rational, far: Rational, determinant: Rational, k: float) 
     if bottom.is_zero:
         return math.nan
     quotient = Rational.reduced(top.num * bottom.den, top.den * bottom.num)
-    pole = quotient.den[0]
-    value = float(quotient.num[0].p) / float(quotient.num[0].q)
-    if pole == 0:
-        return math.copysign(math.inf, value)
-    return value / (float(pole.p) / float(pole.q))
+    value, pole = quotient.num[0], quotient.den[0]
+    return math.copysign(math.inf, value) if pole == 0 else to_float(value / pole)
 
 
 def _stable_gains(A: fmpq_poly, B: fmpq_poly, sign: int) -> tuple[GainInterval, ...]:
@@ -292,7 +290,7 @@ def _crossings(A: fmpq_poly, B: fmpq_poly) -> list[float]:
             found.append(-top / bottom)
     if A.degree() == B.degree():
         ratio = A[A.degree()] / B[B.degree()]
-        found.append(-float(ratio.p) / float(ratio.q))
+        found.append(-to_float(ratio))
     return found
 
 
@@ -304,5 +302,4 @@ def _even_odd(polynomial: fmpq_poly) -> tuple[fmpq_poly, fmpq_poly]:
 
 
 def _at(polynomial: fmpq_poly, x: float) -> float:
-    value = polynomial(decimal(x))
-    return float(value.p) / float(value.q)
+    return to_float(polynomial(decimal(x)))

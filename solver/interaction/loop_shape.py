@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.errors import InvalidInputError
-from solver.interaction.sampling import local_minima, refine_minima, sample
+from solver.interaction.sampling import local_minima, refine_minima, sample, turns
 from solver.results import Peak
 
 if TYPE_CHECKING:
@@ -78,10 +78,11 @@ class LoopShape:
         F = 1 + self.response * (proportional - 1j * integral / self.omega)
         middle = self.omega[len(self.omega) // 2]
         F = F * (1j * self.omega / (1j * self.omega + middle))
-        steps = np.angle(F[1:] * F[:-1].conj())
+        arguments = np.angle(F)
+        steps = turns(arguments)
         if float(np.max(np.abs(steps))) > 2.5:
             return False
-        turn = float(np.angle(F[0])) + float(np.sum(steps))
+        turn = float(arguments[0] + np.sum(steps))
         return round(turn / math.pi) == 0
 
     def sampled_peaks(self, proportional: float, integral: float) -> tuple[float, float]:
@@ -226,5 +227,6 @@ def _gaps(lower: NDArray[np.float64], upper: NDArray[np.float64]) -> list[_Gap]:
     order = np.argsort(low)
     starts = np.append(0.0, np.maximum.accumulate(high[order]))
     ends = np.append(low[order], math.inf)
-    found = np.flatnonzero(ends > starts)[::-1]
+    # Narrower gaps are left by the distance between samples.
+    found = np.flatnonzero(ends > 1.001 * starts)[::-1]
     return [_Gap(float(starts[index]), float(ends[index])) for index in found]

@@ -95,7 +95,7 @@ class PairingRanking:
 
 
 def niederlinski_index(gain: NDArray[np.float64]) -> float:
-    """Return det P(0) over the product of the diagonal elements; NaN where one is zero.
+    """Return det P(0) over the product of the diagonal elements; NaN where either is zero.
 
     Parameters
     ----------
@@ -103,8 +103,11 @@ def niederlinski_index(gain: NDArray[np.float64]) -> float:
         Static gain with the columns in the order of the pairing.
 
     """
-    product = float(np.prod(np.diag(gain)))
-    return float(np.linalg.det(gain)) / product if product else math.nan
+    diagonal = np.diag(gain)
+    sign, log_size = np.linalg.slogdet(gain)  # the products alone may overflow
+    with np.errstate(divide="ignore"):
+        log_product = float(np.sum(np.log(np.abs(diagonal))))
+    return _index(float(sign * np.prod(np.sign(diagonal))), float(log_size) - log_product)
 
 
 def rank_pairings(gain: NDArray[np.float64]) -> PairingRanking:

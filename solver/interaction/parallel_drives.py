@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import null_space
-from scipy.signal import tf2ss
 
 from solver.errors import InvalidInputError, UnsupportedPlantError
 
@@ -253,7 +252,7 @@ def _model(
     system: ParallelDrives, distribution: NDArray[np.float64], selection: NDArray[np.float64]
 ) -> DriveModel:
     """Close the loop: integrators z' = selection e, efforts K e + distribution z."""
-    Al, Bl, Cl, _ = (np.asarray(part, dtype=float) for part in tf2ss(*_monic(system.load)))
+    Al, Bl, Cl = _realise(system.load)
     n, m, order = len(system.drives), len(selection), len(Al)
     K = np.array([drive.proportional_gain for drive in system.drives])
     # Efforts M = -K y + distribution z + K r - K n; errors e = r - y - n.
@@ -274,8 +273,16 @@ def _model(
     return DriveModel(A, B, C, D)
 
 
-def _monic(load: TransferFunction) -> tuple[list[float], list[float]]:
-    return [c / load.den[0] for c in load.num], [c / load.den[0] for c in load.den]
+def _realise(
+    load: TransferFunction,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return A, B, C of a strictly proper load in controllable canonical form."""
+    order = len(load.den) - 1
+    A = np.eye(order, k=-1)
+    A[0] = -np.array(load.den[1:]) / load.den[0]
+    C = np.zeros((1, order))
+    C[0, order - len(load.num) :] = np.array(load.num) / load.den[0]
+    return A, np.eye(order, 1), C
 
 
 def _rank(matrix: NDArray[np.float64]) -> int:

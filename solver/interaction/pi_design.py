@@ -112,11 +112,12 @@ def design_pi(
     best = _greatest_integral_gain(shape, limits, candidates)
     if best is not None and best[1] <= integral_gain_limit:
         status, (proportional, integral) = DesignStatus.OPTIMAL, best
-    elif math.isinf(integral_gain_limit):
-        return PIDesign(DesignStatus.UNBOUNDED, None, None, None, None)
     else:
         status, integral = DesignStatus.DETUNED, integral_gain_limit
-        proportional = _lowest_peaks(shape, limits, candidates, integral)
+        detuned = _lowest_peaks(shape, limits, candidates, integral)
+        if detuned is None:
+            return PIDesign(DesignStatus.UNBOUNDED, None, None, None, None)
+        proportional = detuned
     sensitivity, complementary = shape.peaks(proportional, integral)
     return PIDesign(
         status=status,
@@ -140,8 +141,10 @@ def _greatest_integral_gain(
 
 def _lowest_peaks(
     shape: LoopShape, limits: RobustnessLimits, candidates: NDArray[np.float64], integral: float
-) -> float:
-    """Return the k with the lowest peaks for the given k_I."""
+) -> float | None:
+    """Return the k with the lowest peaks for the given k_I; None where none is within limits."""
+    if math.isinf(integral):
+        return None
 
     def excess(sensitivity: float, complementary: float) -> float:
         """Return the larger peak, 0 for a peak of 1 and 1 for a peak at its limit."""
@@ -161,8 +164,11 @@ def _lowest_peaks(
         return excess(*(peak.value for peak in shape.peaks(proportional, integral)))
 
     values = np.array([sampled(k) for k in candidates])
+    if not np.any(np.isfinite(values)):
+        return None
     if np.min(values) > _FLAT:
-        return _search(refined, candidates, values)[0]
+        proportional, lowest = _search(refined, candidates, values)
+        return proportional if lowest <= 1 else None
     # Both peaks stay at 1 from some gain on: the least such gain, by bisection.
     flat = candidates[values <= _FLAT]
     high = float(flat[int(np.argmin(np.abs(flat)))])

@@ -6,6 +6,7 @@ zeros cancel exactly when they should and no tolerance decides on the order of t
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import TYPE_CHECKING
@@ -24,6 +25,7 @@ __all__ = [
     "decimal",
     "least_common_multiple",
     "roots_of",
+    "to_float",
     "transmission_zeros_of",
 ]
 
@@ -131,6 +133,14 @@ def decimal(value: float) -> fmpq:
     """Return the decimal number that a float prints as, exactly."""
     exact = Fraction(repr(float(value)))
     return fmpq(exact.numerator, exact.denominator)
+
+
+def to_float(value: fmpq) -> float:
+    """Return the nearest float, infinite where the number is too large."""
+    try:
+        return int(value.p) / int(value.q)
+    except OverflowError:
+        return math.copysign(math.inf, int(value.p))
 
 
 def roots_of(polynomial: fmpq_poly) -> list[Root]:

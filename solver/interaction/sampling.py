@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     _Function = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
-__all__ = ["dense_frequencies", "local_minima", "refine_minima", "sample"]
+__all__ = ["dense_frequencies", "local_minima", "refine_minima", "sample", "turns"]
 
 _POINTS = 1000  # even in logarithm
 _DECADES = 3  # beyond the corners on both sides
@@ -123,3 +123,8 @@ def refine_minima(
         best = np.where(better, values[choice, columns], best)
         step = step / 15
     return np.exp(best_t), best
+
+
+def turns(arguments: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the turns between samples of an argument (k,), each the shorter way round, (k-1,)."""
+    return (np.diff(arguments) + math.pi) % (2 * math.pi) - math.pi

@@ -21,6 +21,7 @@ from solver.transfer_function import TransferFunction
         ([math.nan], [1, 1], 0, "/num/0"),
         ([1], [1, math.inf], 0, "/den/1"),
         ([1e308], [1, 1], 0, "/num/0"),
+        ([1], [5e-324, 1], 0, "/den/0"),
         ([1], [1, 1], -1, "/dead_time"),
         ([1], [1, 1], math.nan, "/dead_time"),
         ([1], [1] * 40, 0, "/den"),

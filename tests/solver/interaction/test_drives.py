@@ -165,6 +165,15 @@ def test_unstable_loop_is_cut_off() -> None:
     assert np.all(np.isnan(response.shares_at_end))
 
 
+def test_explosive_loop_is_cut_off() -> None:
+    """A loop that overflows within one step is cut off too."""
+    load = TransferFunction([4.41, 0.001], [-0.001, 2.99, -0.001])
+    system = ParallelDrives(load, [Drive(1e12, 1e3), Drive(9.0)])
+    response = simulate_drives(DriveExperiment(system)).original
+    assert not response.bounded
+    assert np.all(np.isfinite(response.efforts))
+
+
 def test_single_unit() -> None:
     """One unit: nothing to share; the pulse goes to it."""
     system = ParallelDrives(SHAFT, [PI])

@@ -154,6 +154,14 @@ def test_gain_that_cancels_the_other_loop_has_no_static_gain() -> None:
     assert math.isnan(_effect(static, 0, 1, [-1.0]).static_gains[0])
 
 
+def test_extreme_coefficients_do_not_overflow() -> None:
+    """Gains of 1e-150 beside 1e12 in one plant: infinities where numbers end, no error."""
+    tiny, huge = TransferFunction([1e-150], [1, 1]), TransferFunction([1e12], [3, 1])
+    effect = _effect(MatrixPlant([[tiny, huge], [huge, tiny]]), 0, 1, [1e-20, 1e12])
+    assert len(effect.stable) == 2
+    assert all(np.isfinite(values).all() for values in effect.poles)
+
+
 def test_closed_gain_is_open_gain_over_relative_gain() -> None:
     """For 2 x 2 the limit is the definition of the relative gain."""
     plant = first_order(2, 3, 10, 0.6)

@@ -145,6 +145,11 @@ def test_first_order_process_has_no_finite_optimum() -> None:
     assert k == pytest.approx(math.sqrt(1 + 2 * x) - 1, rel=1e-4)
 
 
+def test_limit_beyond_all_gains_is_no_limit() -> None:
+    """An integral gain that no proportional gain tried can carry leaves the loop unbounded."""
+    assert design_pi(_single([1], [1, 1]), LIMITS, 1e15).status is DesignStatus.UNBOUNDED
+
+
 @pytest.mark.parametrize("factor", [0.9, 0.25, 0.05])
 def test_detuned_settings_have_the_lowest_peaks(factor: float) -> None:
     """No other proportional gain does better for the given integral gain."""
