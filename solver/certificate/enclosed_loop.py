@@ -21,6 +21,7 @@ from solver.controllers import DERIVATIVE_FILTER
 from solver.enclosures import Frame, Ratio, Response, exact, is_hurwitz
 from solver.errors import InvalidInputError, UnsupportedPlantError
 from solver.taylor_model import TaylorModel
+from solver.transfer_function import TransferFunction
 from solver.weights import Structure
 
 if TYPE_CHECKING:
@@ -82,10 +83,12 @@ class Loop:
         if len(settings) > MAX_SETTINGS:
             message = f"certificates cover at most {MAX_SETTINGS} different settings"
             raise InvalidInputError(message, "/loops")
+        w_I = claim.uncertainty.weight
         return cls(
             blocks(claim.plant, settings),
             tuple(_controller(group.controller) for group in settings),
-            Response.combined([(1, claim.uncertainty.weight)]),
+            # Only |w_I| counts, so a dead time in it is left out.
+            Response.combined([(1, TransferFunction(w_I.num, w_I.den))]),
             _performance_weight(claim.performance),
             exact(claim.gamma) ** 2,
             claim.uncertainty.structure is Structure.FULL,

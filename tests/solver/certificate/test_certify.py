@@ -132,6 +132,14 @@ def test_the_certificate_does_not_depend_on_the_unit_of_time() -> None:
     )
 
 
+def test_a_dead_time_in_the_uncertainty_weight_changes_nothing() -> None:
+    """Only its magnitude counts: as many intervals prove the claim."""
+    plant, uncertainty, performance, loops = PUBLISHED
+    weight = TransferFunction(uncertainty.weight.num, uncertainty.weight.den, dead_time=3.0)
+    delayed = certified(Claim(plant, Uncertainty(weight), performance, loops, 1.01))
+    assert len(delayed.intervals) == len(certified(published(1.01)).intervals)
+
+
 LAG = TransferFunction([1], [10, 1])
 MILD = Uncertainty.from_error(0.1, 0.5)
 # Kinds that the zoo lacks.
