@@ -156,7 +156,7 @@ class StepResponseRequest(RequestModel):
     ) = Field(
         default=None,
         description="The simulation ends where an output exceeds it; null: 1e6 times the largest "
-        "step.",
+        "step, or what the plant's gain makes of it.",
         examples=[None, 1000.0],
     )  # fmt: skip
 

@@ -23,6 +23,7 @@ from solver.relay.periodic import PeriodicSolution, RelayLoop, periodic_solution
 from solver.relay.settings import Settings, settings
 from solver.relay.switching import RelaySwitching
 from solver.simulation.closed_loop import events
+from solver.simulation.experiment import default_bound
 from solver.simulation.integrator import End, integrate
 
 if TYPE_CHECKING:
@@ -32,7 +33,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Cycle", "RelayOutcome", "Theory", "relay_experiment"]
 
-_BOUND = 1e6  # of the outputs, in relay amplitudes
 _RANGE = 2000.0  # ratio of the longest half period looked at to the shortest
 
 
@@ -162,7 +162,7 @@ def relay_experiment(experiment: RelayExperiment) -> RelayOutcome:
         experiment.duration,
         events(experiment.steps, closed, wired.paths),
         outputs=outputs,
-        bound=_BOUND * abs(experiment.relay.amplitude),
+        bound=default_bound(experiment.plant, abs(experiment.relay.amplitude), experiment.duration),
         switching=switching,
     )
     times = np.array(switching.times)

@@ -18,10 +18,28 @@ if TYPE_CHECKING:
     from solver.simulation.actuators import Actuators
     from solver.simulation.loops import Limits, Loop
 
-__all__ = ["MAX_SAMPLES", "MAX_STEPS_GIVEN", "Experiment", "Step", "StepKind"]
+__all__ = [
+    "MAX_SAMPLES",
+    "MAX_STEPS_GIVEN",
+    "Experiment",
+    "Step",
+    "StepKind",
+    "default_bound",
+]
 
 MAX_STEPS_GIVEN = 20_000  # two on each unit of the largest plant
 MAX_SAMPLES = 20_001
+_FAR = 1e6
+
+
+def default_bound(plant: Plant, size: float, duration: float) -> float:
+    """Return a bound that outputs moved by signals of `size` stay below, unless unstable.
+
+    It is a million times the size, or a million times what the plant's largest gain at the
+    frequency 1/duration makes of it.
+    """
+    gains = [abs(complex(element(1j / duration))) for element in plant.elements]
+    return _FAR * size * max(1.0, *gains)
 
 
 class StepKind(StrEnum):
@@ -80,7 +98,7 @@ class Experiment:
         Wanted inputs from controller outputs: a static decoupler, or the shares of one
         controller. None: the identity.
     bound : float or None
-        The simulation ends where an output exceeds it. None: 1e6 times the largest step.
+        The simulation ends where an output exceeds it. None: that of `default_bound`.
 
     """
 

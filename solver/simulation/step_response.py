@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.simulation.closed_loop import ClosedLoop, close, events
-from solver.simulation.experiment import Experiment, Step, StepKind
+from solver.simulation.experiment import Experiment, Step, StepKind, default_bound
 from solver.simulation.integrator import End, integrate
 from solver.simulation.metrics import (
     SetPointMetrics,
@@ -39,8 +39,6 @@ __all__ = [
     "UnitResponse",
     "step_response",
 ]
-
-_BOUND = 1e6  # default bound of the outputs, in largest steps
 
 
 @dataclass(frozen=True)
@@ -151,7 +149,7 @@ def step_response(experiment: Experiment) -> StepResponse:
         experiment.duration,
         events(experiment.steps, wired, paths),
         outputs=[place.at for place in wired.outputs],
-        bound=experiment.bound or _BOUND * max(abs(step.size) for step in experiment.steps),
+        bound=experiment.bound or _bound(experiment),
         switching=_saturation(wired, experiment, stand_ins),
     )
     time = np.linspace(0.0, trajectory.end, experiment.samples)
@@ -174,6 +172,11 @@ def step_response(experiment: Experiment) -> StepResponse:
         for kind, units in enumerate(paths.units)
     )
     return StepResponse(end, time, responses)
+
+
+def _bound(experiment: Experiment) -> float:
+    size = max(abs(step.size) for step in experiment.steps)
+    return default_bound(experiment.plant, size, experiment.duration)
 
 
 def _paths(experiment: Experiment) -> Paths:

@@ -389,6 +389,14 @@ def test_violently_unstable_loop_is_finite() -> None:
     assert np.all(np.isfinite(result.responses[0].output))
 
 
+def test_a_large_gain_is_not_taken_for_instability() -> None:
+    """Pascals per per cent: the default bound follows the gain of the plant."""
+    plant = MatrixPlant([[TransferFunction([1e9], [5, 1])]])
+    result = step_response(Experiment(plant, (None,), (Step(StepKind.INPUT, 0, 0.0, 1.0),), 100.0))
+    assert result.end is End.COMPLETE
+    assert result.responses[0].output[-1] == pytest.approx(1e9, rel=1e-6)
+
+
 def test_growth_beyond_all_numbers_is_finite() -> None:
     """A pole that overflows within the shortest step ends the simulation at once, finite."""
     plant = MatrixPlant([[TransferFunction([1], [1e-12, -1e12])]])
