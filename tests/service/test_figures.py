@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+import re
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -52,6 +54,12 @@ def test_every_figure_of_a_tuning_is_drawn(drawn: TuningFigures) -> None:
         "landscape",
     ]
     assert drawn.omitted == {}
+
+
+def test_documented_figures_are_those_that_are_drawn(drawn: TuningFigures) -> None:
+    """docs/figures.md lists every figure of a tuning, in their order."""
+    text = (Path(__file__).parents[2] / "docs" / "figures.md").read_text("utf-8")
+    assert re.findall(r"^\| `(\w+)` \|", text, re.MULTILINE) == list(drawn.figures)
 
 
 def test_mu_shows_the_three_curves(tuned: Tuned, drawn: TuningFigures) -> None:
