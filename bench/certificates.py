@@ -2,7 +2,8 @@
 
 For every plant of the tests: the peak of mu on a grid of 10,000 frequencies and the seconds that
 takes; the seconds to certify a level 0.1 per cent above it for all frequencies, the number of
-intervals, the seconds to verify the document, and its size. Medians of three runs, in CPU seconds of one thread.
+intervals, the seconds to verify the document, and its size. Medians of three runs, in CPU seconds
+of one thread.
 Writes bench/certificates.json too.
 """
 

@@ -17,7 +17,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -181,24 +181,28 @@ def _ticks(leader: int, seconds: float) -> int:
     return used() - before
 
 
-async def measure(address: str, pid: int, items: int) -> list[Row]:
-    """Measure everything."""
-    async with httpx.AsyncClient(base_url=address, timeout=3600) as client:
-        while True:
-            try:
-                if (await client.get("/readyz")).status_code == 200:
-                    break
-            except httpx.TransportError:
-                pass
-            await asyncio.sleep(0.1)
+async def measure(address: str, pid: int, items: int) -> AsyncIterator[Row]:
+    """Measure everything, a row at a time."""
+    transport = httpx.AsyncHTTPTransport(retries=20)  # until it listens
+    async with httpx.AsyncClient(base_url=address, timeout=3600, transport=transport) as client:
         bench = Bench(client, pid)
-        await client.post("/v1/robustness", json=ROBUSTNESS)  # starts its process
-        rows = [bench.memory("idle")]
-        rows.append(await bench.overhead())
-        rows += await bench.batch(items)
-        rows.append(await bench.cancel())
-        rows.append(bench.memory("after all this"))
-        return rows
+        # The first of each starts processes, and waits for the workers.
+        await client.post("/v1/robustness", json=ROBUSTNESS)
+        await client.post("/v1/tunings", json=tuning(99), headers={"Prefer": "wait=60"})
+        yield bench.memory("idle")
+        yield await bench.overhead()
+        for row in await bench.batch(items):
+            yield row
+        yield await bench.cancel()
+        yield bench.memory("after all this")
+
+
+async def show(rows: AsyncIterator[Row]) -> None:
+    """Print the table as it comes."""
+    print("| what | measured | target |")
+    print("| --- | --- | --- |", flush=True)
+    async for row in rows:
+        print(f"| {row.what} | {row.value} | {row.target} |", flush=True)
 
 
 def main() -> None:
@@ -218,14 +222,10 @@ def main() -> None:
             start_new_session=True,
         )
         try:
-            rows = asyncio.run(measure(f"http://127.0.0.1:{port}", service.pid, items))
+            asyncio.run(show(measure(f"http://127.0.0.1:{port}", service.pid, items)))
         finally:
             service.send_signal(signal.SIGTERM)
             service.wait(30)
-    print("| what | measured | target |")
-    print("| --- | --- | --- |")
-    for row in rows:
-        print(f"| {row.what} | {row.value} | {row.target} |")
 
 
 if __name__ == "__main__":

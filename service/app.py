@@ -143,6 +143,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
         connections = database.connect(settings.url)
         stack.callback(connections.dispose)
         await asyncio.to_thread(database.migrate, connections)
+        await asyncio.to_thread(app.openapi)  # half a second, for which no caller should wait
 
         transactions = Transactions(connections)
         store = app.state.store = Store(transactions, settings.max_queued)

@@ -10,6 +10,7 @@ import asyncio
 import contextlib
 import json
 import logging
+import os
 import signal
 import uuid
 from collections.abc import Callable
@@ -29,6 +30,7 @@ from service.problems import TimeLimitError, describe
 __all__ = ["Engine", "EngineLostError", "WorkerLostError"]
 
 VERSION = version("mutune")
+_NICE = 5  # priority of workers: below that of whoever waits for an answer
 _POLL = 0.5  # seconds between looks at the cluster: how soon a new worker gets work
 _GRACE = 2.0  # seconds that a stopped task gets to answer; its callback runs every 0.2 s
 _OVERTIME = 5.0  # seconds beyond its time limit after which a task counts as stuck
@@ -277,7 +279,8 @@ def _report_first_loss(dask_scheduler: Scheduler) -> None:
 
 
 def _introduce() -> str:
-    """Return the version of mutune on a worker, which from now on leaves Ctrl-C to its parent."""
+    """Return the version of mutune on a worker, which from now on knows its place."""
+    os.setpriority(os.PRIO_PROCESS, 0, _NICE)
     # A terminal sends it to all processes; the parent stops its workers in good order.
     with contextlib.suppress(ValueError):  # a worker outside its process's main thread
         signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -2,11 +2,14 @@
 
 import { request } from "./api.js";
 import { h, put } from "./dom.js";
-import { timeUnit } from "./format.js";
+import { label, timeUnit } from "./format.js";
 import { takes } from "./schema.js";
 
 /** @typedef {{data: any[], layout: any}} Figure as the service makes it, without a template */
-/** @typedef {{templates: {light: any, dark: any}, figures: Record<string, Figure>}} Figures */
+/**
+ * @typedef {{templates: {light: any, dark: any}, figures: Record<string, Figure>,
+ *   omitted: Record<string, string>}} Figures
+ */
 
 const dark = matchMedia("(prefers-color-scheme: dark)");
 const drawn = /** @type {Set<{plot: HTMLElement, draw: () => void}>} */ (new Set());
@@ -73,7 +76,7 @@ export const figuresOfAnswer = (path, body) => request("POST", inUnit(path, path
  * Draw figures one after another, so that the page stays usable meanwhile.
  * @param {HTMLElement} place @param {Figures} answer @param {string} name of the files saved
  */
-async function drawFigures(place, { templates, figures }, name) {
+async function drawFigures(place, { templates, figures, omitted }, name) {
   const frames = Object.entries(figures).map(([kind, figure]) => {
     const plot = h("div", { class: "plot" });
     const { title = kind, description = "" } = figure.layout.meta ?? {};
@@ -81,7 +84,9 @@ async function drawFigures(place, { templates, figures }, name) {
       h("figcaption", {}, h("h3", {}, title), h("p", { class: "help" }, description)), plot);
     return { kind, figure, plot, node };
   });
-  place.replaceChildren(...frames.map(({ node }) => node));
+  const lacking = Object.entries(omitted).map(([kind, reason]) =>
+    h("p", { class: "help" }, `${label(kind)} is not drawn: ${reason}`));
+  put(place, frames.map(({ node }) => node), lacking);
   const Plotly = await loadPlotly();
   for (const { kind, figure, plot } of frames) {
     const { data, layout } = figure;
