@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solver.mu.kernel import COLD, FINE, balance, compiled, solve, workspace
+from solver.mu.kernel import COLD, FINE, balance, compiled, inner, sensitivities, solve, workspace
 from solver.mu.structure import BlockStructure, Bound, bound_of_scales
 
 if TYPE_CHECKING:
@@ -69,9 +69,9 @@ def _scale_matrices(N, scales, y):
         cols = np.ascontiguousarray(N[k, :, :channels])
         rest = np.ascontiguousarray(N[k, :, channels:])
         factors = (
-            cols, rest @ rest.conj().T, p, 1.0 - p, row_scale, scales, row0, col0, True,
+            cols, rest, p, 1.0 - p, row_scale, scales, row0, col0, True,
         )  # fmt: skip
-        balance(factors, y[k])
+        balance(factors, y[k], ws)
         solve(factors, y[k], COLD, FINE, ws)
 
 
@@ -113,53 +113,50 @@ def sweep(G, c, u, b, layout, all_free, nu, nu_end, cold, y):
     slope = np.zeros(c.shape, np.complex128)
     ws = workspace(rows, widest, y.shape[1])
     cols = np.zeros((rows, widest), np.complex128)
-    W0 = np.zeros((rows, widest), np.complex128)
     S = np.zeros((rows, widest), np.complex128)
     E = np.zeros((widest, 2 * widest), np.complex128)
     p = np.empty(rows)
     b_rows = np.empty(rows)
+    A = np.empty(rows)
+    mixed = np.empty(rows, np.complex128)
     trial = np.empty(y.shape[1])
     for k in range(G.shape[0]):
         for block in range(first.size - 1):
             lo = first[block]
             _sensitivity(G[k], c[k], channels, lo, first[block + 1] - lo, E, S, cols)
-            for i in range(lo, first[block + 1]):
-                for m in range(lo, first[block + 1]):
-                    v = 0j
-                    for j in range(first[block + 1] - lo):
-                        v += S[i, j] * np.conj(S[m, j])
-                    W0[i, m - lo] = v if b[k] > 0.0 else 0j
+            if not b[k] > 0.0:
+                S[lo : first[block + 1]] = 0.0
         for i in range(rows):
             ci = c[k, channels[i]]
             p[i] = u[k] * (ci.real * ci.real + ci.imag * ci.imag)
             b_rows[i] = b[k]
-        factors = (cols, W0, p, b_rows, scales, scales, first, first, all_free)
+        factors = (cols, S, p, b_rows, scales, scales, first, first, all_free)
         if cold:
             if k > 0:
                 y[k] = y[k - 1]
             else:
-                balance(factors, y[k])
-        t[k] = solve(factors, y[k], nu, nu_end, ws)
+                balance(factors, y[k], ws)
+        t[k], centre = solve(factors, y[k], nu, nu_end, ws)
         if t[k] == -math.inf:
             # Scales that keep the uncertain part below 1, if any: the best for mu, unskewed.
-            scaled = (cols, W0, p, b_rows * 1e-6, scales, scales, first, first, True)
+            scaled = (cols, S, p, b_rows * 1e-6, scales, scales, first, first, True)
             trial[:] = y[k]
-            balance(scaled, trial)
-            if solve(scaled, trial, COLD, 1e-4, ws) > 0.0:
+            balance(scaled, trial, ws)
+            if solve(scaled, trial, COLD, 1e-4, ws)[0] > 0.0:
                 y[k] = trial
-                t[k] = solve(factors, y[k], COLD, nu_end, ws)
+                t[k], centre = solve(factors, y[k], COLD, nu_end, ws)
         if not abs(t[k]) < math.inf:
             continue
-        x, total, A_diagonal, mixed = ws[2], ws[10][-1], ws[15], ws[16]
+        x, total = ws[2], sensitivities(factors, centre, ws, A, mixed)
         p_level = math.exp(t[k]) if all_free else 1.0
         for i in range(rows):
             ci = c[k, channels[i]]
-            own = p_level * u[k] * x[scales[i]] * A_diagonal[i] * np.conj(ci)
+            own = p_level * u[k] * x[scales[i]] * A[i] * np.conj(ci)
             slope[k, channels[i]] -= 2.0 * (own - mixed[i]) / total
     return t, slope
 
 
-@compiled
+@inner
 def _sensitivity(G, c, channels, lo, size, E, S, SG):
     """S = (I + G C)^-1 and S G of the block whose first row is `lo`, by pivoted elimination."""
     for i in range(size):
@@ -170,10 +167,11 @@ def _sensitivity(G, c, channels, lo, size, E, S, SG):
         E[i, size + i] = 1.0 + 0j
     for column in range(size):
         pivot = column
-        largest = abs(E[column, column])
+        largest = E[column, column].real ** 2 + E[column, column].imag ** 2
         for i in range(column + 1, size):
-            if abs(E[i, column]) > largest:
-                largest, pivot = abs(E[i, column]), i
+            size_here = E[i, column].real ** 2 + E[i, column].imag ** 2
+            if size_here > largest:
+                largest, pivot = size_here, i
         if pivot != column:
             for j in range(2 * size):
                 E[column, j], E[pivot, j] = E[pivot, j], E[column, j]
