@@ -217,7 +217,7 @@ class _Family:
         y = np.zeros((omega.size, self.blocks.n_scales))
         scales_all = True
         starts_at_the_last = True
-        level, _ = sweep(
+        level, _, _ = sweep(
             G, c, u, b, self.blocks.layout, scales_all, COLD, nu_end, starts_at_the_last, y
         )
         return level, np.exp(0.5 * y)

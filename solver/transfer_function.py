@@ -23,6 +23,7 @@ LARGEST = 1e12
 # Quotients of coefficients must be numbers: a smaller one is zero or a slip.
 SMALLEST = 1e-150
 MAX_ORDER = 20
+HARDLY_ZERO = 1e-77
 
 
 @dataclass(frozen=True)
@@ -116,17 +117,16 @@ class TransferFunction:
     def __call__(self, s: ArrayLike) -> NDArray[np.complex128] | complex:
         """Value at the complex points `s` (any shape)."""
         points = np.asarray(s, dtype=complex)
-        # Horner's rule in s where |s| <= 1 and in 1/s elsewhere: no power of s can overflow.
-        inside = np.abs(points) <= 1
-        near = np.where(inside, points, 1)
-        far = np.where(inside, 1, 1 / np.where(inside, 1, points))
-        value = np.where(
-            inside,
-            _horner(self.num, near) / _nonzero(_horner(self.den, near)),
-            _horner(self.num[::-1], far)
-            / _nonzero(_horner(self.den[::-1], far))
-            * far**self.relative_degree,
-        )
+        # Horner's rule in s where |s| <= 1, in 1/s elsewhere, so that no power of s overflows:
+        # as forms in (a, b) = (s, 1) or (1, 1/s).
+        far = np.abs(points) > 1
+        b = np.asarray(1 / np.where(far, points, 1.0), dtype=complex)
+        a = points * b  # 1 where s is far
+        den = _form(self.den, a, b)
+        # A pole reads as huge instead of dividing by zero.
+        value = _form(self.num, a, b) / np.where(den == 0, HARDLY_ZERO, den)
+        if self.relative_degree:
+            value = value * b**self.relative_degree
         if self.dead_time:
             value = value * np.exp(-self.dead_time * points)
         return complex(value) if value.ndim == 0 else value
@@ -190,15 +190,12 @@ def _trailing_zeros(values: tuple[float, ...]) -> int:
     return count
 
 
-def _horner(
-    coefficients: tuple[float, ...], points: NDArray[np.complex128]
+def _form(
+    coefficients: tuple[float, ...], a: NDArray[np.complex128], b: NDArray[np.complex128]
 ) -> NDArray[np.complex128]:
-    value = np.zeros_like(points)
-    for coefficient in coefficients:
-        value = value * points + coefficient
+    """Sum of c_i a^(n-i) b^i."""
+    value, power = np.full_like(a, coefficients[0]), b
+    for coefficient in coefficients[1:]:
+        value = value * a + coefficient * power
+        power = power * b
     return value
-
-
-def _nonzero(values: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """Move exact zeros off the pole, so that a pole reads as huge instead of dividing by zero."""
-    return np.where(values == 0, np.finfo(float).tiny ** 0.25, values)

@@ -171,7 +171,7 @@ class _Search:
     def _optimal_scales(self, omega: float) -> tuple[float, tuple[float, ...]]:
         """Return the upper bound of mu at a frequency and its D-scales."""
         y = np.zeros((1, self.blocks.n_scales))
-        t, _ = sweep(
+        t, _, _ = sweep(
             self.blocks.packed(omega),
             np.stack([c.response(omega) for c in self.controllers], axis=-1),
             self.claim.uncertainty.magnitude(omega) ** 2,

@@ -105,12 +105,15 @@ def sweep(G, c, u, b, layout, all_free, nu, nu_end, cold, y):
         alone forbids any (robust stability violated at this frequency).
     slope : (k, controllers) complex
         dt = Re sum slope dc; zero where t is not finite.
+    det : (k, blocks) complex
+        det(I + G C) of each block.
 
     """
     channels, scales, first = layout
     rows, widest = G.shape[1], G.shape[2]
     t = np.empty(G.shape[0])
     slope = np.zeros(c.shape, np.complex128)
+    det = np.empty((G.shape[0], first.size - 1), np.complex128)
     ws = workspace(rows, widest, y.shape[1])
     cols = np.zeros((rows, widest), np.complex128)
     S = np.zeros((rows, widest), np.complex128)
@@ -123,7 +126,8 @@ def sweep(G, c, u, b, layout, all_free, nu, nu_end, cold, y):
     for k in range(G.shape[0]):
         for block in range(first.size - 1):
             lo = first[block]
-            _sensitivity(G[k], c[k], channels, lo, first[block + 1] - lo, E, S, cols)
+            size = first[block + 1] - lo
+            det[k, block] = _sensitivity(G[k], c[k], channels, lo, size, E, S, cols)
             if not b[k] > 0.0:
                 S[lo : first[block + 1]] = 0.0
         for i in range(rows):
@@ -153,12 +157,13 @@ def sweep(G, c, u, b, layout, all_free, nu, nu_end, cold, y):
             ci = c[k, channels[i]]
             own = p_level * u[k] * x[scales[i]] * A[i] * np.conj(ci)
             slope[k, channels[i]] -= 2.0 * (own - mixed[i]) / total
-    return t, slope
+    return t, slope, det
 
 
 @inner
 def _sensitivity(G, c, channels, lo, size, E, S, SG):
-    """S = (I + G C)^-1 and S G of the block whose first row is `lo`, by pivoted elimination."""
+    """det(I + G C), and S = (I + G C)^-1 and S G of the block whose first row is `lo`."""
+    det = 1.0 + 0j
     for i in range(size):
         for j in range(size):
             E[i, j] = G[lo + i, j] * c[channels[lo + j]]
@@ -175,6 +180,8 @@ def _sensitivity(G, c, channels, lo, size, E, S, SG):
         if pivot != column:
             for j in range(2 * size):
                 E[column, j], E[pivot, j] = E[pivot, j], E[column, j]
+            det = -det
+        det *= E[column, column]
         scale = 1.0 / E[column, column]
         for j in range(column, 2 * size):
             E[column, j] *= scale
@@ -192,3 +199,4 @@ def _sensitivity(G, c, channels, lo, size, E, S, SG):
             for m in range(size):
                 v += E[i, size + m] * G[lo + m, j]
             SG[lo + i, j] = v
+    return det

@@ -17,7 +17,6 @@ which no descent of first order exists, a local optimum; it knows nothing of oth
 from __future__ import annotations
 
 import math
-from ctypes import c_int
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -67,7 +66,7 @@ def minimise(
     *,
     tolerance: float = 1e-8,
     max_iterations: int = 200,
-    good_enough: float = -np.inf,
+    enough: Callable[[Evaluation], bool] = lambda _: False,
     checkpoint: Callable[[float], None] = lambda _: None,
 ) -> Evaluation:
     """Descend from `start` to a local minimum of the minimax value.
@@ -77,15 +76,15 @@ def minimise(
     objective : LoopObjective
         The levels and their gradients.
     start : Evaluation
-        A point with a finite value.
+        A point with a finite merit.
     box : Box
         Bounds of the parameters.
     tolerance : float
         The descent ends when the model promises less than this in s.
     max_iterations : int
         Most evaluations.
-    good_enough : float
-        The descent also ends at a value below this.
+    enough : callable
+        The descent also ends at an evaluation of which this is true.
     checkpoint : callable
         Called with the value at every iteration; may raise to stop.
 
@@ -101,7 +100,7 @@ def minimise(
     bundle: list[Evaluation] = []
     for _ in range(max_iterations):
         checkpoint(here.value)
-        if here.merit <= good_enough:
+        if enough(here):
             break
         model = _Model(objective, box, B, radius, bundle)
         step = model.step(here)
@@ -153,38 +152,41 @@ class _Model:
         and the levels at the trial imply.
         """
         size = here.theta.size
-        demand, slope = self.objective.goal.demand(here.s, self.objective.omega)
+        demand, slope = here.demand, here.demand_slope
         active = np.flatnonzero(here.level - demand < NEAR_ACTIVE)
         level = here.level
         if trial is not None:
             level = trial.level - here.gradient @ (trial.theta - here.theta)
-        rows, room = [_planes(here.gradient, slope, active)], [(level - demand)[active]]
+        planes = [(here.gradient, level, active)]
         for other in self.bundle:
             # Where the level is a minimum of smooth pieces, this is the piece on the other side. It
             # must not cut off the present point, as the tangent of a convex level would.
-            there = other.level + ((here.theta - other.theta) * other.gradient).sum(axis=1)
+            there = other.level + other.gradient @ (here.theta - other.theta)
             seen = active[other.level[active] - demand[active] < NEAR_ACTIVE]
-            rows.append(_planes(other.gradient, slope, seen))
-            room.append((np.maximum(there, here.level) - demand)[seen])
-        H = np.zeros((size + 2, size + 2))
-        H[:size, :size] = self.B + LEAST_CURVATURE * np.eye(size)
-        H[size, size] = H[size + 1, size + 1] = CURVATURE_OF_S
+            planes.append((other.gradient, np.maximum(there, here.level), seen))
+        H = np.diag([LEAST_CURVATURE] * size + [CURVATURE_OF_S] * 2)
+        H[:size, :size] += self.B
         f = np.zeros(size + 2)
         f[size], f[size + 1] = 1.0, PENALTY
-        A = np.concatenate(rows)
-        upper = np.concatenate(
-            [np.minimum(self.box.high - here.theta, self.radius), [3.0, 1e3], *room]
-        )
-        lower = np.full(upper.size, -1e30)
+        A = np.full((sum(rows.size for _, _, rows in planes), size + 2), -1.0)
+        upper, lower = np.empty(size + 2 + len(A)), np.full(size + 2 + len(A), -1e30)
+        upper[:size] = np.minimum(self.box.high - here.theta, self.radius)
         lower[:size] = np.maximum(self.box.low - here.theta, -self.radius)
-        lower[size], lower[size + 1] = -3.0, 0.0
-        sense = np.zeros(upper.size, dtype=c_int)
+        lower[size : size + 2], upper[size : size + 2] = (-3.0, 0.0), (3.0, 1e3)
+        first = 0
+        for gradient, plane, rows in planes:
+            last = first + rows.size
+            A[first:last, :size] = -gradient[rows]
+            A[first:last, size] = slope[rows]
+            upper[size + 2 + first : size + 2 + last] = (plane - demand)[rows]
+            first = last
+        sense = np.zeros(upper.size, dtype=np.int32)
         x, _, flag, info = daqp.solve(
             H, f, A, upper, lower, sense, primal_tol=FEASIBILITY, eps_prox=0
         )
         if flag < 1:
             return None
-        multipliers = np.zeros(self.objective.omega.size)
+        multipliers = np.zeros(here.level.size)
         multipliers[active] = np.abs(info["lam"][size + 2 : size + 2 + active.size])
         promise = here.merit - here.s - float(x[size]) - PENALTY * float(x[size + 1])
         return _Step(np.asarray(x[:size]), promise, multipliers)
@@ -201,12 +203,6 @@ def _corrected(
             if again.merit < there.merit:
                 return _Step(corrected.d, step.promise, step.multipliers), again
     return step, there
-
-
-def _planes(
-    gradient: NDArray[np.float64], slope: NDArray[np.float64], rows: NDArray[np.intp]
-) -> NDArray[np.float64]:
-    return np.column_stack([-gradient[rows], slope[rows], np.full(rows.size, -1.0)])
 
 
 def _update(

@@ -13,14 +13,15 @@ same form with mu^2 in the place of tau_P. Both are written: the least s with
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solver.controllers import DERIVATIVE_FILTER, Controller
+from solver.controllers import Controller
 from solver.mu.kernel import COLD, FINE
-from solver.mu.scaling import sweep
+from solver.tuning.loop_levels import loop_levels, winds_as_stable
 from solver.tuning.specification import ControllerKind
 
 if TYPE_CHECKING:
@@ -29,11 +30,13 @@ if TYPE_CHECKING:
     from solver.blocks import LoopBlocks
     from solver.weights import Performance, Uncertainty
 
-SEARCH_NU = 1e-7  # barrier parameter of the search: levels right to about that much
 WARM = 1e-4  # first barrier parameter where a neighbour's scales are the start
+FORBIDDEN = -50.0  # stands for a level of minus infinity where a curve is refined
+FOLLOWING = (0.1, 0.01)  # half widths, in log omega, of the parabolas that follow a peak
 
 __all__ = ["PENALTY", "Evaluation", "Goal", "LoopObjective", "MuGoal", "TauGoal"]
 
+TINY = 1e-300
 PENALTY = 30.0  # price in s of a missing level; more than its multiplier at any optimum seen
 
 
@@ -136,8 +139,12 @@ class Evaluation:
         others miss: finite where `value` is not, and equal to it where nothing is missed.
     level, gradient : (k,), (k, m)
         Level of each frequency, and its gradient in theta.
+    demand, demand_slope : (k,)
+        Level that s demands of each frequency, and its slope in s.
     y : (k, scales)
         The D-scales, a start for a neighbour's evaluation.
+    peaks : (p,)
+        Where the followed peaks are: the last p frequencies.
 
     """
 
@@ -147,9 +154,32 @@ class Evaluation:
     merit: float
     level: NDArray[np.float64]
     gradient: NDArray[np.float64]
+    demand: NDArray[np.float64]
+    demand_slope: NDArray[np.float64]
     y: NDArray[np.float64]
+    peaks: NDArray[np.float64]
 
 
+@dataclass(frozen=True)
+class _Samples:
+    """What does not depend on the settings: plant, |w_I|^2, performance weight, saturation."""
+
+    omega: NDArray[np.float64]
+    G: NDArray[np.complex128]
+    u: NDArray[np.float64]
+    b: NDArray[np.float64]
+    saturated: NDArray[np.float64]
+
+    def __add__(self, other: _Samples) -> _Samples:
+        return _Samples(
+            *(
+                np.concatenate([getattr(self, name), getattr(other, name)])
+                for name in ("omega", "G", "u", "b", "saturated")
+            )
+        )
+
+
+@dataclass(frozen=True, eq=False)
 class LoopObjective:
     """Levels of all frequencies for given parameters, and their gradients.
 
@@ -167,43 +197,41 @@ class LoopObjective:
         Sign of each gain.
     omega : (k,)
         Frequencies, rad per time unit, ascending.
+    nu : float
+        Last barrier parameter: levels are right to about its square, to itself where eigenvalues
+        meet.
+    followed : (p,)
+        Peaks between those frequencies, which every evaluation follows from where its neighbour
+        saw them. The greatest levels then bend with the settings as they really do, which no
+        fixed frequency shows.
 
     """
 
-    def __init__(
-        self,
-        blocks: LoopBlocks,
-        uncertainty: Uncertainty,
-        goal: Goal,
-        *,
-        kind: ControllerKind,
-        signs: NDArray[np.float64],
-        omega: NDArray[np.float64],
-    ) -> None:
-        self.blocks = blocks
-        self.uncertainty = uncertainty
-        self.goal = goal
-        self.kind = kind
-        self.signs = signs
-        self.omega = omega
-        self.per_controller = 3 if kind is ControllerKind.PID else 2
-        self._s = 1j * omega
-        self._G = blocks.packed(omega)
-        self._u = uncertainty.magnitude(omega) ** 2 / goal.target**2
-        self._b = goal.weight(omega)
-        self._saturated = goal.saturated(omega)
-        # Far enough from the first point for the slope there; peaks may lie beside it.
-        self._beside_first = min(int(np.searchsorted(omega, 1.2 * omega[0])), omega.size - 1)
+    blocks: LoopBlocks
+    uncertainty: Uncertainty
+    goal: Goal
+    kind: ControllerKind
+    signs: NDArray[np.float64]
+    omega: NDArray[np.float64]
+    nu: float = FINE
+    followed: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
 
-    def on(self, omega: NDArray[np.float64], goal: Goal | None = None) -> LoopObjective:
-        """Return the same objective at other frequencies, or with another goal."""
-        return LoopObjective(
-            self.blocks,
-            self.uncertainty,
-            goal or self.goal,
-            kind=self.kind,
-            signs=self.signs,
-            omega=omega,
+    @property
+    def per_controller(self) -> int:
+        """Number of parameters of a controller."""
+        return 3 if self.kind is ControllerKind.PID else 2
+
+    @cached_property
+    def _grid(self) -> _Samples:
+        return self._samples(self.omega)
+
+    def _samples(self, omega: NDArray[np.float64]) -> _Samples:
+        return _Samples(
+            omega,
+            self.blocks.packed(omega),
+            self.uncertainty.magnitude(omega) ** 2 / self.goal.target**2,
+            self.goal.weight(omega),
+            self.goal.saturated(omega),
         )
 
     def controllers(self, theta: NDArray[np.float64]) -> tuple[Controller, ...]:
@@ -227,86 +255,58 @@ class LoopObjective:
         theta : (m,)
             Parameters.
         near : Evaluation or None
-            A neighbouring evaluation at the same frequencies, whose scales are the start.
+            A neighbouring evaluation of this objective, whose scales and peaks are the start.
 
         """
-        c, dc = self._response(theta)
-        y = np.zeros((self.omega.size, self.blocks.n_scales)) if near is None else near.y.copy()
-        level, slope = self._sweep(c, y, SEARCH_NU, cold=near is None)
-        gradient = (slope[:, :, None] * dc).real.reshape(self.omega.size, -1)
-        attained = self.goal.attained(level, self.omega)
-        value, s = float(attained.max()), float(np.minimum(attained, self._saturated).max())
-        missing = float((self.goal.demand(s, self.omega)[0] - level).max())
-        merit = s + PENALTY * max(missing, 0.0)
-        if not self._winds_as_stable(c):
+        samples, peaks = self._grid, self.followed
+        if peaks.size:
+            if near is not None:
+                peaks = self._followed(theta, near)
+            samples = samples + self._samples(peaks)
+        omega, cold = samples.omega, near is None
+        y = np.zeros((omega.size, self.blocks.n_scales)) if near is None else near.y.copy()
+        level, gradient, det = self._sweep(samples, theta, y, self.nu, cold=cold)
+        attained = self.goal.attained(level, omega)
+        value, s = float(attained.max()), float(np.minimum(attained, samples.saturated).max())
+        demand, slope = self.goal.demand(s, omega)
+        merit = s + PENALTY * max(float((demand - level).max()), 0.0)
+        if not winds_as_stable(det[: self.omega.size], self.omega):
             value = merit = math.inf
-        return Evaluation(theta, value, s, merit, level, gradient, y)
+        return Evaluation(theta, value, s, merit, level, gradient, demand, slope, y, peaks)
 
-    def levels(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Level of each frequency at `theta`, (k,), as exact as the kernel gives it.
+    def levels(self, theta: NDArray[np.float64], omega: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Level at `theta` of any frequencies `omega` (k,), (k,), as exact as the kernel gives it.
 
-        Says nothing about stability, so the frequencies may be any.
+        `FORBIDDEN` where there is none. Says nothing about stability.
         """
-        y = np.zeros((self.omega.size, self.blocks.n_scales))
-        return self._sweep(self._response(theta)[0], y, FINE, cold=True)[0]
+        y = np.zeros((omega.size, self.blocks.n_scales))
+        level = self._sweep(self._samples(omega), theta, y, FINE, cold=True)[0]
+        return np.maximum(level, FORBIDDEN)
+
+    def _followed(self, theta: NDArray[np.float64], near: Evaluation) -> NDArray[np.float64]:
+        """Return the peaks at `theta`, each at the vertex of a parabola through three points."""
+        log_peaks = np.log(near.peaks)
+        for width in FOLLOWING:
+            points = log_peaks + width * np.array([[-1.0], [0.0], [1.0]])
+            omega = np.exp(points.ravel())
+            excess = self.goal.demand(near.s, omega)[0] - self.levels(theta, omega)
+            left, middle, right = excess.reshape(points.shape)
+            bend = 2 * middle - left - right
+            move = 0.5 * (right - left) / np.maximum(bend, 0.25 * np.abs(right - left) + TINY)
+            log_peaks = log_peaks + width * move
+        return np.exp(log_peaks)
 
     def _sweep(
-        self, c: NDArray[np.complex128], y: NDArray[np.float64], nu_end: float, *, cold: bool
-    ) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
-        level, slope = sweep(
-            self._G, c, self._u, self._b, self.blocks.layout, not self.goal.skewed,
-            COLD if cold else WARM, nu_end, cold, y,
+        self,
+        samples: _Samples,
+        theta: NDArray[np.float64],
+        y: NDArray[np.float64],
+        nu: float,
+        *,
+        cold: bool,
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.complex128]]:
+        level, gradient, det = loop_levels(
+            theta, self.signs, samples.omega, samples.G, samples.u, samples.b,
+            self.blocks.layout, not self.goal.skewed, COLD if cold else WARM, nu, cold, y,
         )  # fmt: skip
-        return level, slope
-
-    def _response(
-        self, theta: NDArray[np.float64]
-    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-        """Return controller responses (k, controllers) and derivatives (k, controllers, params)."""
-        values = np.exp(theta).reshape(-1, self.per_controller)
-        s = self._s[:, None]
-        k, integral_time = self.signs * values[:, 0], values[:, 1]
-        integral = 1 / (integral_time * s)
-        c = k * (1 + integral)
-        parts = [-k * integral]
-        if self.per_controller == 3:
-            lead = values[:, 2] * s
-            filtered = 1 + DERIVATIVE_FILTER * lead
-            factor = (1 + lead) / filtered
-            parts = [parts[0] * factor, c * (1 - DERIVATIVE_FILTER) * lead / filtered**2]
-            c = c * factor
-        return c, np.stack([c, *parts], axis=-1)
-
-    def _winds_as_stable(self, c: NDArray[np.complex128]) -> bool:
-        """Whether det(I + G C) turns on this grid as that of a stable loop does.
-
-        A quick test for the search; `solver.stability` decides on the result.
-        """
-        channels, _, first = self.blocks.layout
-        L = self._G * c[:, channels][:, None, : self._G.shape[2]]
-        for block, row in zip(self.blocks.blocks, first, strict=False):
-            m = block.size
-            gain = L[:, row : row + m, :m] if row == 0 else (
-                self._G[:, row : row + 1, :1] * c[:, block.channels[0], None, None]
-            )  # fmt: skip
-            if m == 1:
-                det = 1 + gain[:, 0, 0]
-            elif m == 2:
-                det = (1 + gain[:, 0, 0]) * (1 + gain[:, 1, 1]) - gain[:, 0, 1] * gain[:, 1, 0]
-            else:
-                det = np.linalg.det(np.eye(m) + gain)
-            if not self._turns_to_zero(det):
-                return False
-        return True
-
-    def _turns_to_zero(self, det: NDArray[np.complex128]) -> bool:
-        turned = np.angle(det[1:] / det[:-1]).sum()
-        other = self._beside_first
-        ratio = math.log(self.omega[other] / self.omega[0])
-        slope = math.log(abs(det[0]) / abs(det[other])) / ratio
-        order = round(slope)
-        start = det[0] * 1j**order
-        start = start if start.real > 0 else -start
-        turned += math.atan2(start.imag, start.real)
-        turned -= math.atan2(det[-1].imag, det[-1].real)
-        return bool(abs(turned - order * math.pi / 2) < 1.0)
+        return level, gradient, det

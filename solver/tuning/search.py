@@ -9,7 +9,7 @@ longer moves. There is no guarantee that the best optimum found is the global on
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,6 +17,7 @@ from scipy.stats import qmc
 
 from solver.blocks import reduce
 from solver.frequencies import corners, grid, resonances
+from solver.mu.kernel import FINE
 from solver.peaks import local_peaks
 from solver.plants import ParallelPlant
 from solver.tuning.bounds import gain_signs, parameter_box
@@ -36,15 +37,15 @@ __all__ = ["Candidate", "GroupingSearch", "Optimum"]
 
 POINTS_PER_DECADE = 11
 STARTS_PER_PARAMETER = 3
-SAME_VALUE = 1e-4  # relative difference of s below which two optima may be one
+SAME_VALUE = 5e-3  # difference of s below which two optima may be one
 SAME_PLACE = 0.05  # and of the log parameters
 ROUGH = 1e-5  # tolerance in s of a start's descent
+ROUGH_NU = 1e-4  # and its barrier parameter
 EXACT = 1e-10  # of the last descent
-SETTLED = 1e-9  # difference of s between grid and refined peaks
-EXCHANGE_ZOOMS = 4  # rounds of zooming while the grid is still growing
-NEARLY_ACTIVE = 0.02  # excess of the demand from which a peak enters the grid
-GRID_ROUNDS = 25
-FORBIDDEN = -50.0  # stands for a level of minus infinity where a curve is refined
+SETTLED = 1e-8  # excess of the demand anywhere on the axis at which the last descent may end
+NEARLY_ACTIVE = 0.05  # excess of the demand from which a peak is followed
+FIRST_ZOOMS = 3  # rounds of zooming before a peak is followed
+EXACT_ROUNDS = 10
 ENOUGH_ROOM = -0.02  # log mu^2 at which the first phase ends
 GAIN_STEP = 0.3  # an unstable start is tried again with this share of its gains
 GAIN_STEPS = 12
@@ -62,12 +63,14 @@ class Optimum:
 class Candidate:
     """Settings with their exact value: s right between the grid points too.
 
-    `peaks` are the frequencies where it is attained.
+    `peaks` are the frequencies where it is attained, `excess` is the most by which they miss the
+    level that the estimate of s demanded.
     """
 
     theta: NDArray[np.float64]
     value: float
     peaks: NDArray[np.float64]
+    excess: float
 
 
 class GroupingSearch:
@@ -107,12 +110,14 @@ class GroupingSearch:
             goal = MuGoal(performance)
         bends = corners(plant, uncertainty)
         omega = grid(1e-2 * bends[0], 30 * bends[-1], POINTS_PER_DECADE, [resonances(plant)])
+        # The limit at low frequency is reached as omega^2: two points for its value and slope.
+        omega = np.concatenate([bends[0] * np.array([1e-4, 2e-4]), omega])
         signs = gain_signs(plant, groups)
         self.objective = LoopObjective(
-            self.blocks, uncertainty, goal, kind=specification.kind, signs=signs, omega=omega
+            self.blocks, uncertainty, goal, specification.kind, signs, omega, ROUGH_NU
         )
         slow = Performance(performance.max_peak, performance.offset)
-        self.feasibility = self.objective.on(omega, MuGoal(slow, target))
+        self.feasibility = replace(self.objective, goal=MuGoal(slow, target))
         self.optima: list[Optimum] = []
         self.closest: Evaluation | None = None
 
@@ -135,7 +140,8 @@ class GroupingSearch:
         if self.objective.goal.skewed:
             here = minimise(
                 self.feasibility, here, self.box, tolerance=1e-4, max_iterations=80,
-                good_enough=ENOUGH_ROOM, checkpoint=lambda _: self.checkpoint(math.inf),
+                enough=lambda e: e.merit <= ENOUGH_ROOM,
+                checkpoint=lambda _: self.checkpoint(math.inf),
             )  # fmt: skip
             if self.closest is None or here.value < self.closest.value:
                 self.closest = here
@@ -144,57 +150,50 @@ class GroupingSearch:
             here = self.objective.evaluate(here.theta)
         if math.isfinite(here.merit):
             here = minimise(
-                self.objective, here, self.box, tolerance=ROUGH, checkpoint=self.checkpoint
-            )
+                self.objective, here, self.box, tolerance=ROUGH, checkpoint=self.checkpoint,
+                enough=lambda e: self._known(e) is not None,
+            )  # fmt: skip
         if not math.isfinite(here.value):
             return None
         self._remember(here)
         return here
 
     def exact(self, theta: NDArray[np.float64], bar: float = math.inf) -> Candidate | None:
-        """Descend on a grid that holds the refined peaks, until the exact value stands still.
+        """Descend with the peaks followed, until the value is that of the whole axis.
 
         Gives up where the value on the grid, which is too low if anything, is above `bar`.
         """
-        objective = self.objective
-        here = objective.evaluate(theta)
+        peaks = self._peaks_between(self.objective.evaluate(theta))
         best: Candidate | None = None
-        for _ in range(GRID_ROUNDS):
-            if not math.isfinite(here.value):
+        for _ in range(EXACT_ROUNDS):
+            objective = replace(self.objective, nu=FINE, followed=peaks)
+            here = objective.evaluate(theta)
+            if not math.isfinite(here.merit) and objective.goal.skewed:
+                here = self._restored(objective, theta)
+            if not math.isfinite(here.merit):
                 break
             here = minimise(objective, here, self.box, tolerance=EXACT, checkpoint=self.checkpoint)
-            if here.value > bar:
+            if not here.value <= bar:
                 break
-            peaks, excess = self._nearby_peaks(objective, here)
-            if excess <= SETTLED:
-                # Only now the whole axis, for a peak that the grid does not know at all.
-                candidate = self.measure(here.theta, here.value)
-                if best is None or candidate.value < best.value:
-                    best = candidate
-                if candidate.value <= here.value + 10 * SETTLED:
-                    break
-                peaks = candidate.peaks
-            objective = objective.on(np.unique(np.concatenate([objective.omega, peaks])))
-            here = objective.evaluate(here.theta)
-            if not math.isfinite(here.value) and objective.goal.skewed:
-                here = self._restored(objective, here.theta)
-        else:
-            best = self.measure(here.theta, here.value)
+            candidate = self.measure(here.theta, here.value)
+            if best is None or candidate.value < best.value:
+                best = candidate
+            if candidate.excess <= SETTLED:
+                break
+            theta, peaks = here.theta, candidate.peaks  # some peak was not followed
         return best if best is not None and math.isfinite(best.value) else None
 
-    def _nearby_peaks(
-        self, objective: LoopObjective, here: Evaluation
-    ) -> tuple[NDArray[np.float64], float]:
-        """Peaks of the demand's excess beside the points of the grid, and the greatest excess."""
+    def _peaks_between(self, here: Evaluation) -> NDArray[np.float64]:
+        """Peaks of the demand's excess between the points of the grid."""
 
         def excess(omega: NDArray[np.float64]) -> NDArray[np.float64]:
-            return objective.goal.demand(here.s, omega)[0] - self._level(here.theta, omega)
+            demand = self.objective.goal.demand(here.s, omega)[0]
+            return demand - self.objective.levels(here.theta, omega)
 
-        known = objective.goal.demand(here.s, objective.omega)[0] - here.level
-        peaks, values = local_peaks(
-            excess, objective.omega, known, within=NEARLY_ACTIVE, rounds=EXCHANGE_ZOOMS
-        )
-        return peaks, float(values.max())
+        return local_peaks(
+            excess, self.objective.omega, here.demand - here.level,
+            within=NEARLY_ACTIVE, rounds=FIRST_ZOOMS,
+        )[0]  # fmt: skip
 
     def measure(self, theta: NDArray[np.float64], s: float) -> Candidate:
         """Return the exact value of given parameters near `s`, by refining every peak."""
@@ -208,27 +207,26 @@ class GroupingSearch:
         high = max(1e2 * bends[-1], self.objective.omega[-1])
         extra = [resonances(self.specification.plant), bends, self.objective.omega]
         omega = grid(low, high, 2 * POINTS_PER_DECADE, extra)
+        missed = []
         for _ in range(2):  # the peaks of the demand's excess move little with s
 
             def excess(points: NDArray[np.float64], at: float = s) -> NDArray[np.float64]:
-                return self.objective.goal.demand(at, points)[0] - self._level(theta, points)
+                demand = self.objective.goal.demand(at, points)[0]
+                return demand - self.objective.levels(theta, points)
 
-            peaks, _ = local_peaks(excess, omega, excess(omega))
-            level = self._level(theta, peaks)
-            exact = float(self.objective.goal.attained(level, peaks).max())
-            if not math.isfinite(exact):
-                return Candidate(theta, math.inf, peaks)
-            s = exact
-        return Candidate(theta, s, peaks)
-
-    def _level(self, theta: NDArray[np.float64], omega: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.maximum(self.objective.on(omega).levels(theta), FORBIDDEN)
+            peaks, missing = local_peaks(excess, omega, excess(omega))
+            missed.append(float(missing.max()))
+            level = self.objective.levels(theta, peaks)
+            s = float(self.objective.goal.attained(level, peaks).max())
+            if not math.isfinite(s):
+                break
+        return Candidate(theta, s, peaks, missed[0])
 
     def _restored(self, objective: LoopObjective, theta: NDArray[np.float64]) -> Evaluation:
         """Return a neighbour for which some tau_P exists at the frequencies of `objective`."""
-        feasibility = objective.on(objective.omega, self.feasibility.goal)
+        feasibility = replace(objective, goal=self.feasibility.goal)
         here = minimise(
-            feasibility, feasibility.evaluate(theta), self.box, good_enough=-1e-3,
+            feasibility, feasibility.evaluate(theta), self.box, enough=lambda e: e.merit <= -1e-3,
             checkpoint=lambda _: self.checkpoint(math.inf),
         )  # fmt: skip
         return objective.evaluate(here.theta)
@@ -260,15 +258,22 @@ class GroupingSearch:
             theta = theta + gains
         return None
 
+    def _known(self, found: Evaluation) -> int | None:
+        """Index of the optimum that an evaluation stands for; None: none yet."""
+        for index, optimum in enumerate(self.optima):
+            known = optimum.evaluation
+            if abs(known.value - found.value) < SAME_VALUE:
+                distance = self.canonical(known.theta) - self.canonical(found.theta)
+                if np.abs(distance).max() < SAME_PLACE:
+                    return index
+        return None
+
     def _remember(self, found: Evaluation) -> None:
-        place = self.canonical(found.theta)
-        for index, known in enumerate(self.optima):
-            if (
-                abs(known.evaluation.value - found.value) < SAME_VALUE
-                and np.abs(self.canonical(known.evaluation.theta) - place).max() < SAME_PLACE
-            ):
-                better = min(known.evaluation, found, key=lambda e: e.value)
-                self.optima[index] = Optimum(better, known.count + 1)
-                return
-        self.optima.append(Optimum(found, 1))
+        index = self._known(found)
+        if index is None:
+            self.optima.append(Optimum(found, 1))
+        else:
+            known = self.optima[index]
+            better = min(known.evaluation, found, key=lambda e: e.value)
+            self.optima[index] = Optimum(better, known.count + 1)
         self.optima.sort(key=lambda optimum: optimum.evaluation.value)

@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -37,19 +38,19 @@ def test_gradients_are_exact(plant, groups, values, kind, goal):
     for index in range(theta.size):
         step = np.zeros(theta.size)
         step[index] = 1e-4
-        above = task.levels(theta + step)
-        below = task.levels(theta - step)
+        above = task.levels(theta + step, OMEGA)
+        below = task.levels(theta - step, OMEGA)
         assert here.gradient[:, index] == pytest.approx((above - below) / 2e-4, abs=1e-4)
 
 
 def test_tau_p_of_the_published_settings():
     """The skewed form gives the tau_P at which mu is 1: about 19.01 for the published settings."""
     theta, omega = np.log([46.3, 101, 22.8, 3.15]), np.array([0.0314362])
-    task = objective(SLH, [[0], [1]], TauGoal(Performance())).on(omega)
-    tau_p = math.exp(task.goal.attained(task.levels(theta), omega)[0])
+    task = objective(SLH, [[0], [1]], TauGoal(Performance()))
+    tau_p = math.exp(task.goal.attained(task.levels(theta, omega), omega)[0])
     assert tau_p == pytest.approx(19.01, abs=0.005)
-    unskewed = task.on(omega, MuGoal(Performance(tau_p=tau_p)))
-    assert unskewed.levels(theta) == pytest.approx([0], abs=1e-7)
+    unskewed = replace(task, goal=MuGoal(Performance(tau_p=tau_p)))
+    assert unskewed.levels(theta, omega) == pytest.approx([0], abs=1e-7)
 
 
 def test_permitted_offset_enters_the_demand():
@@ -67,3 +68,19 @@ def test_unstable_settings_have_no_value():
     """Gains that destabilise are infinitely bad, however mu reads on the grid."""
     task = objective(first_order(2, 1, 10, 1.5), [[0, 1]], MuGoal(Performance(tau_p=20)))
     assert task.evaluate(np.log([3.0, 8.0])).value == math.inf
+
+
+def test_followed_peaks_are_the_highest_points_beside_them():
+    """A neighbour's peaks, started a tenth off, end where no point beside them is higher."""
+    theta = np.log([46.3, 101, 22.8, 3.15])
+    task = replace(
+        objective(SLH, [[0], [1]], TauGoal(Performance())), followed=np.array([0.0314362 * 1.1])
+    )
+    first = task.evaluate(theta)
+    here = task.evaluate(theta, near=first)
+    peak = here.peaks[0]
+    assert peak == pytest.approx(0.03144, rel=2e-3)
+    beside = peak * np.exp(np.linspace(-0.1, 0.1, 41))
+    excess = task.goal.demand(here.s, beside)[0] - task.levels(theta, beside)
+    at_peak = task.goal.demand(here.s, here.peaks)[0] - task.levels(theta, here.peaks)
+    assert excess.max() <= at_peak[0] + 1e-7

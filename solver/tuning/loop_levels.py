@@ -1,0 +1,102 @@
+"""Compiled: levels of a loop, their gradients in the settings, and its winding."""
+
+import math
+
+import numpy as np
+
+from solver.controllers import DERIVATIVE_FILTER
+from solver.mu.kernel import compiled
+from solver.mu.scaling import sweep
+
+__all__ = ["loop_levels", "winds_as_stable"]
+
+
+@compiled
+def loop_levels(theta, signs, omega, G, u, b, layout, all_free, nu, nu_end, cold, y):
+    """Level of every frequency at the settings `theta`, and what `solver.tuning.objective` needs.
+
+    Parameters
+    ----------
+    theta : (m,)
+        Logarithms of the magnitudes of the settings, controller by controller.
+    signs : (controllers,)
+        Sign of each gain.
+    omega : (k,)
+        Frequencies, rad per time unit, ascending.
+    G, u, b, layout, all_free, nu, nu_end, cold, y
+        As for `sweep`.
+
+    Returns
+    -------
+    level : (k,)
+        As for `sweep`.
+    gradient : (k, m)
+        Of the level in `theta`.
+    det : (k, blocks) complex
+        det(I + G C) of each block.
+
+    """
+    controllers = signs.size
+    per = theta.size // controllers
+    c, dc = _responses(theta, signs, omega)
+    level, slope, det = sweep(G, c, u, b, layout, all_free, nu, nu_end, cold, y)
+    gradient = np.empty((omega.size, theta.size))
+    for k in range(omega.size):
+        for j in range(controllers):
+            for i in range(per):
+                gradient[k, j * per + i] = (slope[k, j] * dc[k, j, i]).real
+    return level, gradient, det
+
+
+@compiled
+def winds_as_stable(det, omega):
+    """Whether det (k, blocks) turns on the grid `omega` (k,) as those of a stable loop do.
+
+    A quick test for the search; `solver.stability` decides on the result.
+    """
+    stable = True
+    for block in range(det.shape[1]):
+        stable &= _turns_to_zero(det[:, block], omega)
+    return stable
+
+
+@compiled
+def _responses(theta, signs, omega):
+    """PI or PID responses (k, controllers), and derivatives in log k, log tau_I and log tau_D."""
+    controllers = signs.size
+    per = theta.size // controllers
+    c = np.empty((omega.size, controllers), np.complex128)
+    dc = np.empty((omega.size, controllers, per), np.complex128)
+    for j in range(controllers):
+        gain = signs[j] * math.exp(theta[j * per])
+        integral_time = math.exp(theta[j * per + 1])
+        derivative_time = math.exp(theta[j * per + 2]) if per == 3 else 0.0
+        for k in range(omega.size):
+            integral = gain / complex(0.0, omega[k] * integral_time)
+            lead = complex(0.0, omega[k] * derivative_time)
+            filtered = 1.0 + DERIVATIVE_FILTER * lead
+            factor = (1.0 + lead) / filtered
+            c[k, j] = (gain + integral) * factor
+            dc[k, j, 0] = c[k, j]
+            dc[k, j, 1] = -integral * factor
+            if per == 3:
+                bend = (1 - DERIVATIVE_FILTER) * lead / (filtered * filtered)
+                dc[k, j, 2] = (gain + integral) * bend
+    return c, dc
+
+
+@compiled
+def _turns_to_zero(det, omega):
+    """Whether det, s^-order times a positive number at first, ends without a turn."""
+    last = omega.size - 1
+    # Far enough from the first point for the slope there; peaks may lie beside it.
+    other = min(np.searchsorted(omega, 1.2 * omega[0]), last)
+    slope = math.log(abs(det[0]) / abs(det[other])) / math.log(omega[other] / omega[0])
+    order = round(slope)
+    start = det[0] * complex(0.0, 1.0) ** order
+    start = start if start.real > 0.0 else -start
+    turned = math.atan2(start.imag, start.real) - math.atan2(det[last].imag, det[last].real)
+    for k in range(last):
+        step = det[k + 1] * np.conj(det[k])
+        turned += math.atan2(step.imag, step.real)
+    return abs(turned - order * math.pi / 2) < 1.0
