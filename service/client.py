@@ -12,7 +12,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 import httpx
 from pydantic import BaseModel, ValidationError
@@ -20,7 +20,13 @@ from pydantic import BaseModel, ValidationError
 from service.problems import MEDIA_TYPE, Problem
 from service.schemas import RobustnessRequest, RobustnessResult, TuningRequest, TuningResult
 from service.schemas.batches import Batch
+from service.schemas.decouplings import DecouplingRequest, DecouplingResult
+from service.schemas.integrity import IntegrityRequest, IntegrityResult
+from service.schemas.interaction import InteractionRequest, InteractionResult
 from service.schemas.jobs import Job, JobProgress
+from service.schemas.parallel_drives import ParallelDrivesRequest, ParallelDrivesResult
+from service.schemas.relay_experiments import RelayExperimentRequest, RelayExperimentResult
+from service.schemas.step_responses import StepResponseRequest, StepResponseResult
 
 __all__ = ["BatchItem", "Client", "JobEndedError", "ServiceError", "ServiceUnreachableError"]
 
@@ -30,6 +36,7 @@ _RETRY = 0.5
 _TRANSIENT = {502, 503, 504}  # what the service, or a proxy before it, says while it restarts
 
 OnProgress = Callable[[JobProgress], None]
+_Result = TypeVar("_Result", bound=BaseModel)
 
 
 class ServiceUnreachableError(Exception):
@@ -220,8 +227,41 @@ class Client:
 
     def robustness(self, request: RobustnessRequest | Mapping[str, Any]) -> RobustnessResult:
         """Analyse given loop settings."""
-        response = self._send("POST", "/v1/robustness", _document(request))
-        return RobustnessResult.model_validate_json(response.content)
+        return self._analysis("/v1/robustness", request, RobustnessResult)
+
+    def integrity(self, request: IntegrityRequest | Mapping[str, Any]) -> IntegrityResult:
+        """Analyse given loop settings with every set of loops in manual."""
+        return self._analysis("/v1/integrity", request, IntegrityResult)
+
+    def interaction(self, request: InteractionRequest | Mapping[str, Any]) -> InteractionResult:
+        """Analyse how the loops of a plant interact, and how to pair them."""
+        return self._analysis("/v1/interaction", request, InteractionResult)
+
+    def decoupling(self, request: DecouplingRequest | Mapping[str, Any]) -> DecouplingResult:
+        """Return a static decoupler and PI settings for it."""
+        return self._analysis("/v1/decouplings", request, DecouplingResult)
+
+    def parallel_drives(
+        self, request: ParallelDrivesRequest | Mapping[str, Any]
+    ) -> ParallelDrivesResult:
+        """Analyse and simulate units with integral action on one load."""
+        return self._analysis("/v1/parallel-drives", request, ParallelDrivesResult)
+
+    def step_response(self, request: StepResponseRequest | Mapping[str, Any]) -> StepResponseResult:
+        """Simulate a plant with any of its loops closed."""
+        return self._analysis("/v1/step-responses", request, StepResponseResult)
+
+    def relay_experiment(
+        self, request: RelayExperimentRequest | Mapping[str, Any]
+    ) -> RelayExperimentResult:
+        """Simulate a relay experiment and read settings off it."""
+        return self._analysis("/v1/relay-experiments", request, RelayExperimentResult)
+
+    def _analysis(
+        self, path: str, request: BaseModel | Mapping[str, Any], result: type[_Result]
+    ) -> _Result:
+        response = self._send("POST", path, _document(request))
+        return result.model_validate_json(response.content)
 
     def _send(
         self,

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.errors import InvalidInputError
-from solver.transfer_function import LARGEST, TransferFunction
+from solver.transfer_function import LARGEST, TransferFunction, refuse_vanishing
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -153,6 +153,10 @@ def first_order(
     if not 0 <= dead_time <= LARGEST:
         message = f"the dead time must lie in 0..{LARGEST:g}"
         raise InvalidInputError(message, "/dead_time")
+    refuse_vanishing(gain, "/gain")
+    refuse_vanishing(time_constant, "/time_constant")
+    refuse_vanishing(interaction, "/interaction")
+    refuse_vanishing(gain * interaction, "/interaction")
     den = (time_constant, 1.0) if time_constant else (1.0,)
     if not abs(gain * interaction) <= LARGEST:
         message = f"gain times interaction must be at most {LARGEST:g} in magnitude"

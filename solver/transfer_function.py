@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["LARGEST", "MAX_ORDER", "SMALLEST", "TransferFunction"]
+__all__ = ["LARGEST", "MAX_ORDER", "SMALLEST", "TransferFunction", "refuse_vanishing"]
 
 # Products of a few dozen such numbers still fit a double, so no evaluation can overflow.
 LARGEST = 1e12
@@ -160,6 +160,27 @@ class TransferFunction:
         return self.num[:-common], self.den[:-common]
 
 
+def refuse_vanishing(value: float, field: str) -> None:
+    """Refuse a number that is not zero and below `SMALLEST` in magnitude.
+
+    Parameters
+    ----------
+    value : float
+        A coefficient, or what becomes one.
+    field : str
+        JSON pointer of the number that the caller gave.
+
+    Raises
+    ------
+    InvalidInputError
+        It is so small.
+
+    """
+    if 0 < abs(value) < SMALLEST:
+        message = f"the number must be zero or at least {SMALLEST:g} in magnitude"
+        raise InvalidInputError(message, field)
+
+
 def _polynomial(coefficients: Sequence[float], field: str) -> tuple[float, ...]:
     values = tuple(float(c) for c in coefficients)
     if not values:
@@ -172,9 +193,7 @@ def _polynomial(coefficients: Sequence[float], field: str) -> tuple[float, ...]:
         if not abs(value) <= LARGEST:
             message = f"coefficients must be finite and at most {LARGEST:g} in magnitude"
             raise InvalidInputError(message, f"{field}/{index}")
-        if 0 < abs(value) < SMALLEST:
-            message = f"coefficients must be zero or at least {SMALLEST:g} in magnitude"
-            raise InvalidInputError(message, f"{field}/{index}")
+        refuse_vanishing(value, f"{field}/{index}")
     if values[0] == 0 and len(values) > 1:
         message = "the leading coefficient is zero; drop it"
         raise InvalidInputError(message, f"{field}/0")

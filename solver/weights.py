@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.errors import InvalidInputError
-from solver.transfer_function import LARGEST, TransferFunction
+from solver.transfer_function import LARGEST, TransferFunction, refuse_vanishing
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -76,6 +76,8 @@ class Uncertainty:
         if not 0 <= theta <= LARGEST:
             message = "theta must not be negative"
             raise InvalidInputError(message, "/theta")
+        refuse_vanishing(epsilon, "/epsilon")
+        refuse_vanishing(theta / 2, "/theta")
         if theta == 0:
             return cls(TransferFunction((epsilon,), (1.0,)), structure)
         return cls(TransferFunction((theta, epsilon), (theta / 2, 1.0)), structure)
@@ -114,6 +116,9 @@ class Performance:
         if self.tau_p is not None and not 0 < self.tau_p <= LARGEST:
             message = "tau_p must be positive"
             raise InvalidInputError(message, "/tau_p")
+        refuse_vanishing(self.offset / self.max_peak, "/offset")
+        if self.tau_p is not None:
+            refuse_vanishing(self.tau_p / self.max_peak, "/tau_p")
 
     def with_tau_p(self, tau_p: float) -> Performance:
         """Return the same demand at the time constant `tau_p`."""

@@ -7,13 +7,15 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
 from pydantic import BaseModel
 from rich.box import SIMPLE_HEAD
 from rich.console import Console, RenderableType
 from rich.table import Table
 
 from service.cli.outcomes import ExitCode, read_input
-from service.schemas.parsing import parse
+from service.problems import NumbersError
+from service.schemas.parsing import Fault, RequestError, parse
 from service.wording import number
 
 __all__ = ["answer", "matrix_table"]
@@ -46,8 +48,17 @@ def answer(
     as_json : bool
         Print the JSON result alone, instead of tables.
 
+    Raises
+    ------
+    RequestError
+        The file cannot be read, is not such a request, or holds numbers too far apart.
+
     """
-    document = compute(parse(request, read_input(path)))
+    asked = parse(request, read_input(path))
+    try:
+        document = compute(asked)
+    except (ArithmeticError, np.linalg.LinAlgError):
+        raise RequestError((Fault("", NumbersError().detail),)) from None
     if as_json:
         print(json.dumps(document, allow_nan=False))  # noqa: T201 - the output asked for
     else:

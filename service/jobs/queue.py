@@ -98,6 +98,8 @@ class Queue:
             "error": outcome.error,
             "finished_at": time.time(),
         }
+        if outcome.result is not None:
+            values["best"] = outcome.best
         if outcome.status is JobStatus.SUCCEEDED:
             values["fraction"] = 1.0
         with self._transactions.writing() as connection:

@@ -90,11 +90,12 @@ class Claim:
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a job ended; result and error are JSON text."""
+    """How a job ended; result and error are JSON text, `best` is the result's objective."""
 
     status: JobStatus
     result: str | None = None
     error: str | None = None
+    best: float | None = None
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ import solver.tuning
 from service.jobs.records import JobStatus, Outcome
 from service.problems import NumbersError, describe
 from solver.errors import Cancelled, InvalidInputError
-from solver.results import Progress, Status
+from solver.results import Progress, Status, Tuning
 
 __all__ = ["TOPIC", "solve"]
 
@@ -83,4 +83,12 @@ def _outcome(request: str, report: _Reporter) -> Outcome:
         return Outcome(JobStatus.FAILED, error=json.dumps(describe(error)))
     result = json.dumps(service.schemas.tuning_to_json(tuning), separators=(",", ":"))
     timed_out = tuning.status is Status.TIME_LIMIT
-    return Outcome(JobStatus.TIMED_OUT if timed_out else JobStatus.SUCCEEDED, result)
+    status = JobStatus.TIMED_OUT if timed_out else JobStatus.SUCCEEDED
+    return Outcome(status, result, best=_reached(tuning))
+
+
+def _reached(tuning: Tuning) -> float | None:
+    """Return the objective of the final settings; the search reports that of its own grid."""
+    if tuning.objective == "tau_p":
+        return tuning.tau_p
+    return None if tuning.peaks is None else tuning.peaks.robust_performance.value

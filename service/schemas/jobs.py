@@ -34,7 +34,10 @@ class JobProgress(BaseModel):
     """How far a job is."""
 
     fraction: float = Field(description="Part done, 0..1.", examples=[0.4])
-    best: float | None = Field(description="Best value of the objective so far.", examples=[19.2])
+    best: float | None = Field(
+        description="Best value of the objective so far; at the end that of the result.",
+        examples=[19.2],
+    )
 
 
 class Links(BaseModel):

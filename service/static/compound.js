@@ -1,6 +1,6 @@
 /** Fields of fields: records, unions, optional parts, lists and matrices. */
 
-import { button, h } from "./dom.js";
+import { button, h, scroller } from "./dom.js";
 import { key, newId, segments } from "./fields.js";
 import { label, option } from "./format.js";
 import { faults, initial, resolve, variantOf } from "./schema.js";
@@ -34,7 +34,7 @@ export function object(form, s, value, pointer) {
   };
   const fields = h("div", { class: "fields" }, parts.map(({ widget }) => widget.node));
   if (s.title === "TransferFunction") {
-    const view = h("div", { class: "formula" });
+    const view = scroller(`Formula of ${label(name)}`, "formula");
     const draw = () => view.replaceChildren(transferFunction(read()) ?? "");
     fields.addEventListener("input", draw);
     fields.append(view);

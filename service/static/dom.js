@@ -64,12 +64,16 @@ export function put(place, ...children) {
 export function table(caption, head, rows) {
   const cell = (/** @type {Child} */ content, column) =>
     column ? h("td", {}, content) : h("th", { scope: "row" }, content);
-  return h("div", { class: "scroll", tabindex: "0", role: "group", "aria-label": caption },
+  return scroller(caption, "scroll",
     h("table", {},
       h("caption", {}, caption),
-      h("thead", {}, h("tr", {}, head.map((text) => h("th", { scope: "col" }, text)))),
+      h("thead", {}, h("tr", {}, head.map((text) => (text ? h("th", { scope: "col" }, text) : h("td"))))),
       h("tbody", {}, rows.map((row) => h("tr", {}, row.map(cell))))));
 }
+
+/** A box that scrolls, by keyboard too. @param {string} name @param {string} kind @param {...Child} inside */
+export const scroller = (name, kind, ...inside) =>
+  h("div", { class: kind, tabindex: "0", role: "group", "aria-label": name }, inside);
 
 /** @param {string} text @param {() => void} onclick @param {string} [kind] */
 export const button = (text, onclick, kind) => h("button", { type: "button", class: kind, onclick }, text);

@@ -81,7 +81,7 @@ async function drawFigures(place, { templates, figures, omitted }, name) {
     const plot = h("div", { class: "plot" });
     const { title = kind, description = "" } = figure.layout.meta ?? {};
     const node = h("figure", { class: "card", "data-figure": kind },
-      h("figcaption", {}, h("h3", {}, title), h("p", { class: "help" }, description)), plot);
+      h("figcaption", {}, h("h2", {}, title), h("p", { class: "help" }, description)), plot);
     return { kind, figure, plot, node };
   });
   const lacking = Object.entries(omitted).map(([kind, reason]) =>

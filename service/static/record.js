@@ -94,7 +94,7 @@ function list(items, s, name, level) {
   const one = label(name).replace(/ies$/, "y").replace(/s$/, "");
   return first(items, h("div", {}, items.slice(0, LONG).map((entry, i) =>
     h("details", { open: i === 0 }, h("summary", {}, `${one} ${i + 1}`),
-      isShort(entry) ? short(entry) : members(entry, item, level + 1)))));
+      isShort(entry) ? short(entry) : members(entry, item, level - 1)))));
 }
 
 /**

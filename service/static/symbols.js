@@ -1,6 +1,6 @@
 /** What was typed, as a formula (MathML). */
 
-import { h, math } from "./dom.js";
+import { h, math, scroller } from "./dom.js";
 import { number } from "./format.js";
 
 /** @typedef {{num: number[], den: number[], dead_time?: number}} TransferFunction */
@@ -57,7 +57,7 @@ const defined = (name, /** @type {Element} */ content) =>
 
 /** The plant of a request, or nothing while it is incomplete. @param {any} plant @returns {HTMLElement} */
 export function plantFormula(plant) {
-  const view = h("div", { class: "formula" });
+  const view = scroller("Formula of the plant", "formula");
   if (!plant) return view;
   if (plant.kind === "matrix") {
     const cells = plant.elements.map((/** @type {TransferFunction[]} */ line) => line.map(row));

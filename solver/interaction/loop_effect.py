@@ -25,7 +25,7 @@ from solver.interaction.rational_matrix import (
     roots_of,
     to_float,
 )
-from solver.transfer_function import LARGEST
+from solver.transfer_function import LARGEST, refuse_vanishing
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -170,6 +170,7 @@ class LoopEffectQuery:
             if not abs(gain) <= LARGEST:
                 message = f"a gain must be finite and at most {LARGEST:g} in magnitude"
                 raise InvalidInputError(message, f"/gains/{index}")
+            refuse_vanishing(gain, f"/gains/{index}")
         if any(element.dead_time and not element.is_zero for element in self.elements.values()):
             message = "the effect of a loop's gain is computed for plants without dead time only"
             raise UnsupportedPlantError(message)
@@ -283,11 +284,10 @@ def _crossings(A: fmpq_poly, B: fmpq_poly) -> list[float]:
     condition = a1 * b0 - a0 * b1
     squares = [0.0] + [root.value.real for root in roots_of(condition) if root.value.imag == 0]
     found = []
-    for x in (value for value in squares if value >= 0):
-        top = _at(a0, x) * _at(b0, x) + x * _at(a1, x) * _at(b1, x)
-        bottom = _at(b0, x) ** 2 + x * _at(b1, x) ** 2
+    for x in (decimal(value) for value in squares if 0 <= value < math.inf):
+        bottom = b0(x) ** 2 + x * b1(x) ** 2
         if bottom > 0:
-            found.append(-top / bottom)
+            found.append(to_float(-(a0(x) * b0(x) + x * a1(x) * b1(x)) / bottom))
     if A.degree() == B.degree():
         ratio = A[A.degree()] / B[B.degree()]
         found.append(-to_float(ratio))
@@ -299,7 +299,3 @@ def _even_odd(polynomial: fmpq_poly) -> tuple[fmpq_poly, fmpq_poly]:
     coefficients = polynomial.coeffs()
     signed = [value * fmpq((-1) ** (power // 2)) for power, value in enumerate(coefficients)]
     return fmpq_poly(signed[0::2]), fmpq_poly(signed[1::2])
-
-
-def _at(polynomial: fmpq_poly, x: float) -> float:
-    return to_float(polynomial(decimal(x)))

@@ -140,7 +140,7 @@ def to_float(value: fmpq) -> float:
     try:
         return int(value.p) / int(value.q)
     except OverflowError:
-        return math.copysign(math.inf, int(value.p))
+        return math.inf if value.p > 0 else -math.inf
 
 
 def roots_of(polynomial: fmpq_poly) -> list[Root]:

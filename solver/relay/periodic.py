@@ -240,7 +240,10 @@ def _roots(loop: RelayLoop, relay: Relay, sign: float, limits: tuple[float, floa
             low, high = float(grid[max(index - 1, 0)]), float(grid[min(index + 2, _GRID - 1)])
         if excess(low) * excess(high) >= 0:
             continue
-        half_period = float(brentq(excess, low, high, xtol=1e-14 * low))
+        try:
+            half_period = float(brentq(excess, low, high, xtol=1e-14 * low))
+        except ValueError:  # e^{Ah} overflows inside: time constants too far apart for a root
+            continue
         # A pole of f changes sign too, but not through zero.
         if abs(excess(half_period)) <= abs(values[index]):
             found.append(half_period)

@@ -6,14 +6,15 @@ import shutil
 from collections.abc import Callable, Generator, Iterator
 
 import pytest
-from playwright.sync_api import Browser, BrowserContext, sync_playwright
+from playwright.sync_api import Browser, BrowserContext, expect, sync_playwright
 from running import Service
-from watching import ROOT, Watched
+from watching import PATIENCE, ROOT, Watched
 
 _CHROMIUM = next(
     filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
 )
 _AXE = ROOT / "build" / "node" / "node_modules" / "axe-core"
+expect.set_options(timeout=PATIENCE)
 _ARGUMENTS = [
     "--headless=new",
     "--no-sandbox",

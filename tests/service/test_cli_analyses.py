@@ -6,14 +6,17 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from pydantic import BaseModel
 from samples import altered
 from typer.testing import CliRunner, Result
 
 from service.cli import app
+from service.cli.analysis import answer
+from service.cli.outcomes import ExitCode, reported
 from service.schemas.decouplings import DecouplingResult
-from service.schemas.interaction import InteractionResult
+from service.schemas.interaction import InteractionRequest, InteractionResult
 from service.schemas.parallel_drives import ParallelDrivesResult
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -132,3 +135,20 @@ def test_bad_input_exits_with_2_and_names_the_field(
     assert result.exit_code == 2
     assert pointer in result.stderr
     assert result.stdout == ""
+
+
+@pytest.mark.parametrize("error", [OverflowError, np.linalg.LinAlgError])
+def test_numbers_beyond_double_precision_are_bad_input(
+    error: type[Exception], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Where the numbers overflow, the request is to blame, as over HTTP: exit status 2."""
+
+    def compute(_: InteractionRequest) -> dict[str, Any]:
+        raise error
+
+    path = EXAMPLES / COMMANDS["interaction"][0]
+    command = reported(
+        lambda: answer(path, InteractionRequest, compute, InteractionResult, str, as_json=True)
+    )
+    assert command() is ExitCode.BAD_INPUT
+    assert "too far apart" in capsys.readouterr().err

@@ -1,14 +1,16 @@
 """The Python client against a running service."""
 
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator, Callable, Iterator
 from itertools import count
 from pathlib import Path
+from typing import Any
 
 import httpx
 import pytest
 from fake_tune import SLOW, UNSUPPORTED
 from fastapi import FastAPI, Response
 from fastapi.responses import PlainTextResponse, StreamingResponse
+from pydantic import BaseModel
 from samples import ROBUSTNESS, altered, tuning
 from serving import served
 
@@ -16,7 +18,13 @@ from service.app import create_app
 from service.client import Client, JobEndedError, ServiceError, ServiceUnreachableError
 from service.keys import KeyFile, Scope
 from service.schemas import TuningRequest
+from service.schemas.decouplings import DecouplingRequest
+from service.schemas.integrity import IntegrityRequest
+from service.schemas.interaction import InteractionRequest
 from service.schemas.jobs import JobProgress
+from service.schemas.parallel_drives import ParallelDrivesRequest
+from service.schemas.relay_experiments import RelayExperimentRequest
+from service.schemas.step_responses import StepResponseRequest
 from service.settings import Settings
 
 
@@ -91,6 +99,28 @@ def test_robustness_is_answered(mutune: Client) -> None:
     peaks = mutune.robustness(ROBUSTNESS).peaks
     assert peaks is not None
     assert peaks.robust_performance.value == pytest.approx(1.00034840, abs=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("method", "request_model", "reads"),
+    [
+        ("integrity", IntegrityRequest, lambda result: result.stable is True),
+        ("interaction", InteractionRequest, lambda result: result.recommended.inputs == [0, 1]),
+        ("decoupling", DecouplingRequest, lambda result: len(result.loops) == 2),
+        ("parallel_drives", ParallelDrivesRequest, lambda result: result.analysis.stable),
+        ("step_response", StepResponseRequest, lambda result: result.end == "complete"),
+        ("relay_experiment", RelayExperimentRequest, lambda r: r.behaviour == "limit_cycle"),
+    ],
+)
+def test_analyses_are_answered(
+    mutune: Client,
+    method: str,
+    request_model: type[BaseModel],
+    reads: Callable[[Any], object],
+) -> None:
+    """Each analysis takes the example of its documentation and returns its result model."""
+    (example,) = request_model.model_json_schema()["examples"]
+    assert reads(getattr(mutune, method)(example))
 
 
 def test_service_that_is_not_there_is_named() -> None:

@@ -46,7 +46,7 @@ def test_accepted_tuning_ends_with_a_result_of_the_documented_form(client: httpx
     assert response.status_code == 202
     job = end(client, response.json())
     assert job["status"] == "succeeded"
-    assert job["progress"]["fraction"] == 1
+    assert job["progress"] == {"fraction": 1, "best": 7001}
     assert job["created_at"] <= job["started_at"] <= job["finished_at"]
     assert TuningResult.model_validate(job["result"]).tau_p == 7001
     assert client.get(job["links"]["self"]).json() == job

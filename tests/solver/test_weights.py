@@ -22,7 +22,13 @@ def test_performance_weight_is_eq_29():
 
 @pytest.mark.parametrize(
     ("arguments", "field"),
-    [((0, 1), "/epsilon"), ((0.2, -1), "/theta"), ((float("nan"), 1), "/epsilon")],
+    [
+        ((0, 1), "/epsilon"),
+        ((0.2, -1), "/theta"),
+        ((float("nan"), 1), "/epsilon"),
+        ((1e-308, 1), "/epsilon"),
+        ((0.2, 1e-308), "/theta"),
+    ],
 )
 def test_uncertainty_out_of_range_is_refused(arguments, field):
     """The faulty number is named."""
@@ -46,6 +52,8 @@ def test_unstable_or_zero_weights_are_refused():
         ({"offset": -0.1}, "/offset"),
         ({"offset": 1.0}, "/offset"),
         ({"tau_p": 0.0}, "/tau_p"),
+        ({"tau_p": 1e-308}, "/tau_p"),
+        ({"offset": 1e-308}, "/offset"),
     ],
 )
 def test_performance_out_of_range_is_refused(arguments, field):

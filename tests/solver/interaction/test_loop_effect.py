@@ -162,6 +162,16 @@ def test_extreme_coefficients_do_not_overflow() -> None:
     assert all(np.isfinite(values).all() for values in effect.poles)
 
 
+def test_a_vanishing_lag_changes_nothing() -> None:
+    """A time constant of 1e-140: the crossings are those without it, not an overflow."""
+    fast = TransferFunction([2], [1e-140, 3])
+    rows = [[TransferFunction([1], [1, 1]), fast], [TransferFunction([1], [1, 1])] * 2]
+    effect = _effect(MatrixPlant(rows), 0, 1, [1.0], Controller(2.0, 1.0))
+    rows[0][1] = TransferFunction([2], [3])
+    exact = _effect(MatrixPlant(rows), 0, 1, [1.0], Controller(2.0, 1.0))
+    assert effect.stable_gains[0].high == pytest.approx(exact.stable_gains[0].high, rel=1e-12)
+
+
 def test_closed_gain_is_open_gain_over_relative_gain() -> None:
     """For 2 x 2 the limit is the definition of the relative gain."""
     plant = first_order(2, 3, 10, 0.6)
@@ -182,10 +192,16 @@ def test_loops_that_do_not_exist_are_refused(loop: int, other: int, field: str) 
 
 
 @pytest.mark.parametrize(
-    ("gains", "field"), [([], "/gains"), ([0.0] * (MAX_GAINS + 1), "/gains"), ([1e13], "/gains/0")]
+    ("gains", "field"),
+    [
+        ([], "/gains"),
+        ([0.0] * (MAX_GAINS + 1), "/gains"),
+        ([1e13], "/gains/0"),
+        ([1.0, 1e-308], "/gains/1"),
+    ],
 )
 def test_gains_out_of_range_are_refused(gains: list[float], field: str) -> None:
-    """None, too many, too large."""
+    """None, too many, too large, so small that exact arithmetic never ends."""
     with pytest.raises(InvalidInputError) as caught:
         _effect(EXAMPLE, 0, 1, gains)
     assert caught.value.field == field

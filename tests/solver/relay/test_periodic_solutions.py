@@ -57,6 +57,16 @@ def test_eigenvalues_foretell_how_fast_a_disturbance_dies() -> None:
     assert rate == pytest.approx(largest, rel=0.05)
 
 
+def test_a_pole_too_fast_for_exponentials_leaves_out_a_root() -> None:
+    """Where e^{Ah} overflows there is no root to be had, and no error either."""
+    fast = TransferFunction([200], [1e-30, 23, 160, 300])
+    own = johansson.PLANT.element(0, 0)
+    plant = MatrixPlant([[own, fast], [own, own]])
+    experiment = RelayExperiment(plant, 0, 0, johansson.RELAY, (johansson.U2_Y2,), 40.0, samples=2)
+    for solution in periodic_solutions(seen(experiment), johansson.RELAY, 0.01, 20.0):
+        assert np.isfinite(solution.half_period)
+
+
 def test_no_oscillation_without_phase_lag() -> None:
     """A first-order lag has no ultimate point; only its hysteresis makes it oscillate."""
     plant = MatrixPlant([[TransferFunction([1], [2, 1])]])
