@@ -2,18 +2,25 @@
 
 from dataclasses import dataclass
 
+from hypothesis import strategies as st
+
 from solver.controllers import Controller
 from solver.plants import MatrixPlant, ParallelPlant, Plant, first_order
 from solver.transfer_function import TransferFunction
 from solver.weights import Performance, Structure, Uncertainty
 
-__all__ = ["COLUMN", "SLH", "ZOO", "Case"]
+__all__ = ["COLUMN", "SLH", "ZOO", "Case", "interactions"]
 
 USUAL = Uncertainty.from_error(0.2, 1)
 USUAL_DEMAND = Performance(tau_p=20)
 
 # Skogestad, Lundstrom and Hovd 1989, section 5: tau = 100, lambda_11 = 10.
 SLH = first_order(2, 1, 100, 0.949)
+
+
+def interactions(low: float, high: float) -> st.SearchStrategy[float]:
+    """Interactions a, zero or of a size that no coefficient vanishes by."""
+    return st.floats(low, high).map(lambda a: round(a, 6))
 
 
 def _lag(gain: float) -> TransferFunction:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from zoo import ZOO
+from zoo import ZOO, interactions
 
 from solver.controllers import DERIVATIVE_FILTER, Controller
 from solver.errors import UnsupportedPlantError
@@ -42,7 +42,7 @@ decades = st.floats(-1.5, 1.5).map(lambda e: 10.0**e)
 @given(
     st.lists(decades, min_size=1, max_size=3),
     st.lists(st.tuples(decades, decades, st.none() | decades), min_size=1, max_size=3),
-    st.floats(-0.9, 0.95),
+    interactions(-0.9, 0.95),
     st.booleans(),
     st.booleans(),
 )

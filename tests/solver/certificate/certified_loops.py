@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from zoo import interactions
 
 from solver.blocks import group_loops
 from solver.certificate import Certificate, Claim
@@ -37,7 +38,7 @@ def loops_to_certify(
     n = draw(st.integers(1, 4))
     tau = 10 ** draw(st.floats(-1, 3))
     dead_time = tau * draw(st.sampled_from([0.0, 0.0, 0.05, 0.5]))
-    interaction = draw(st.floats(-0.8 / max(n - 1, 1), 0.95))
+    interaction = draw(interactions(-0.8 / max(n - 1, 1), 0.95))
     other_lag = TransferFunction([interaction], [tau * draw(st.floats(0.5, 2)), 1], dead_time * 1.5)
     damping = draw(st.floats(0.3, 1))
     oscillator = TransferFunction([1], [tau**2, 2 * damping * tau, 1], dead_time)

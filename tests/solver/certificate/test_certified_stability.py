@@ -10,6 +10,7 @@ import pytest
 from hypothesis import HealthCheck, assume, given, reject, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from zoo import interactions
 
 from solver.certificate import Certificate, Claim
 from solver.controllers import Controller
@@ -72,7 +73,7 @@ LOOPS = st.builds(
 
 
 @settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.filter_too_much])
-@given(PROCESSES, st.integers(1, 4), st.floats(-0.3, 0.9), LOOPS)
+@given(PROCESSES, st.integers(1, 4), interactions(-0.3, 0.9), LOOPS)
 def test_identical_loops_have_the_unstable_poles_of_their_modes(
     process: TransferFunction, n: int, interaction: float, loop: Controller
 ) -> None:
@@ -91,7 +92,7 @@ def test_identical_loops_have_the_unstable_poles_of_their_modes(
 
 
 @settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.filter_too_much])
-@given(LOOPS, LOOPS, st.floats(-0.9, 0.9), st.sampled_from([ParallelPlant, MatrixPlant]))
+@given(LOOPS, LOOPS, interactions(-0.9, 0.9), st.sampled_from([ParallelPlant, MatrixPlant]))
 def test_different_loops_have_the_roots_of_the_determinant(
     first: Controller, second: Controller, interaction: float, kind: type
 ) -> None:
