@@ -157,7 +157,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
 
         engine = app.state.engine = Engine(settings.scheduler, settings.workers, wake)
         dispatcher = app.state.dispatcher = Dispatcher(
-            queue, engine, settings.max_attempts, watcher.poke, app.state.metrics.observe_job
+            queue, engine, settings.max_attempts, watcher, app.state.metrics.observe_job
         )
         await engine.start()
         stack.push_async_callback(engine.close)

@@ -43,6 +43,13 @@ def _version(wanted: bool) -> None:  # noqa: FBT001 - typer's form of a callback
         raise typer.Exit
 
 
+def _begin_processes() -> None:
+    """Let the processes that will compute do their imports while this one does its own."""
+    from service.jobs import forking  # noqa: PLC0415 - only where processes are needed
+
+    forking.start()
+
+
 @app.callback()
 def _options(
     *,
@@ -90,6 +97,7 @@ def batch(
     scheduler: Scheduler = None,
 ) -> None:
     """Tune many requests, on all cores or more."""
+    _begin_processes()
     from service.cli.batch import batch_file  # noqa: PLC0415 - heavy
 
     raise typer.Exit(batch_file(requests, results=results, scheduler=scheduler))
@@ -173,6 +181,7 @@ def serve(
     ] = False,
 ) -> None:
     """Serve the HTTP API and the page."""
+    _begin_processes()
     from service.cli.serving import serve as run  # noqa: PLC0415 - heavy
 
     raise typer.Exit(run(host, port, insecure=insecure))
@@ -184,6 +193,7 @@ def worker(*, scheduler: Scheduler = None) -> None:
 
     On MUTUNE_WORKERS processes, by default one a core; until stopped.
     """
+    _begin_processes()
     from service.cli.worker import work  # noqa: PLC0415 - heavy
 
     raise typer.Exit(work(scheduler))

@@ -19,12 +19,12 @@ from dataclasses import dataclass, field
 from importlib.metadata import version
 from typing import Any
 
-from distributed import Client, Future, KilledWorker, LocalCluster, Nanny, Scheduler
+from distributed import Actor, Client, Future, KilledWorker, LocalCluster, Nanny
 from distributed.comm import CommClosedError
 
 from service.jobs import processes
 from service.jobs.records import Claim, JobStatus, Outcome
-from service.jobs.work import TOPIC, solve
+from service.jobs.work import TOPIC, Solver
 from service.problems import TimeLimitError, describe
 
 __all__ = ["Engine", "EngineLostError", "WorkerLostError"]
@@ -33,6 +33,7 @@ VERSION = version("mutune")
 _NICE = 5  # priority of workers: below that of whoever waits for an answer
 _POLL = 0.5  # seconds between looks at the cluster: how soon a new worker gets work
 _GRACE = 2.0  # seconds that a stopped task gets to answer; its callback runs every 0.2 s
+_PLACING = 10.0  # seconds for a worker to take its actor
 _OVERTIME = 5.0  # seconds beyond its time limit after which a task counts as stuck
 
 _OVERDUE = json.dumps(
@@ -50,21 +51,28 @@ class EngineLostError(Exception):
     """The scheduler or the worker left; the task may or may not have run."""
 
 
+@dataclass(frozen=True)
+class _Solver:
+    """The actor on a worker; Dask keeps it as long as there is the future."""
+
+    future: Future
+    actor: Actor
+
+
 @dataclass
 class _Run:
-    """A task on its way: who hears of its progress, and whether it has begun and ended."""
+    """A call on its way: its name, who hears of its progress, and the call itself."""
 
     on_progress: Callable[[float, float | None], None]
-    future: Future | None = None
-    started: bool = False
-    ended: asyncio.Event = field(default_factory=asyncio.Event)
+    call: str = field(default_factory=lambda: uuid.uuid4().hex)
+    solving: asyncio.Future[Outcome] | None = None
 
 
 class Engine:
     """Runs tunings on Dask workers.
 
-    Each task is sent to a worker of the engine's choice that has no other one, so whoever kills
-    a worker is known, and takes nobody along.
+    Each worker that it admits gets an actor, `Solver`, which the engine calls with one tuning at
+    a time: whoever kills a worker is known, and takes nobody along.
 
     Parameters
     ----------
@@ -85,7 +93,7 @@ class Engine:
         self._client: Client | None = None
         self._supervision: asyncio.Task[None] | None = None
         self._closing = asyncio.Event()
-        self._admitted: set[str] = set()
+        self._solvers: dict[str, _Solver] = {}
         self._refused: set[str] = set()
         self._leaving: set[str] = set()
         self._busy: dict[str, _Run] = {}
@@ -93,12 +101,12 @@ class Engine:
     @property
     def workers(self) -> int:
         """Number of workers that take tasks."""
-        return len(self._admitted)
+        return len(self._solvers)
 
     @property
     def idle(self) -> int:
         """Number of workers that wait for a task."""
-        return len(self._admitted - self._busy.keys())
+        return len(self._solvers.keys() - self._busy.keys())
 
     @property
     def refused(self) -> frozenset[str]:
@@ -133,66 +141,66 @@ class Engine:
             See there.
 
         """
-        idle = self._admitted - self._busy.keys()
+        idle = self._solvers.keys() - self._busy.keys()
         if self._client is None or not idle:
             raise EngineLostError
         worker = min(idle)
         run = self._busy[worker] = _Run(on_progress)
         try:
             return await self._run_on(self._client, worker, run, claim)
-        except KilledWorker as error:
-            self._admitted.discard(worker)
-            raise WorkerLostError(str(error)) from error
-        except (FutureCancelledError, CommClosedError, OSError) as error:
-            raise EngineLostError(str(error)) from error
         finally:
             del self._busy[worker]
             self._on_idle()
 
     async def _run_on(self, client: Client, worker: str, run: _Run, claim: Claim) -> Outcome:
-        # A key of its own for each attempt: Dask takes equal keys for equal results.
-        key = f"{claim.id}-{uuid.uuid4().hex}"
-        run.future = client.submit(
-            solve, worker, key, claim.request, key=key, pure=False, workers=[worker]
-        )
+        actor = self._solvers[worker].actor
+        run.solving = asyncio.ensure_future(_solve(actor, run.call, claim.request))
         try:
-            async with asyncio.timeout(claim.time_limit + _OVERTIME):
-                outcome: Outcome = await run.future
-        except TimeoutError:
-            await self._stop(client, worker, run)
-            return Outcome(JobStatus.TIMED_OUT, error=_OVERDUE)
+            limit = claim.time_limit + _OVERTIME
+            done, _ = await asyncio.wait({run.solving}, timeout=limit)
+            if not done:
+                await self._stop(client, worker, run)
+                return Outcome(JobStatus.TIMED_OUT, error=_OVERDUE)
+            return run.solving.result()
         except asyncio.CancelledError:
+            if run.solving.cancelled():  # by us, when the worker was gone
+                raise EngineLostError from None
             await self._stop(client, worker, run)
             raise
-        return outcome
+        except (OSError, CommClosedError) as error:
+            self._solvers.pop(worker, None)
+            if client.status != "running" or self._client is not client:
+                raise EngineLostError(str(error)) from error
+            raise WorkerLostError(str(error)) from error
+        except RuntimeError as error:  # the actor was gone before it could be called
+            self._solvers.pop(worker, None)
+            raise EngineLostError(str(error)) from error
 
     async def _stop(self, client: Client, worker: str, run: _Run) -> None:
-        """Release the task, which its callback obeys; restart a worker that does not."""
-        with contextlib.suppress(CommClosedError, OSError):
-            if run.future is not None:
-                await run.future.cancel()
-        try:
+        """Tell the actor, whose callback obeys; restart a worker that does not."""
+        solving = run.solving
+        if solving is None:
+            return
+        solver = self._solvers.get(worker)
+        with contextlib.suppress(CommClosedError, OSError, RuntimeError, TimeoutError):
             async with asyncio.timeout(_GRACE):
-                await run.ended.wait()
-        except TimeoutError:
-            if run.started:
-                logger.warning("worker %s does not answer; it is restarted", worker)
-                self._admitted.discard(worker)
-                with contextlib.suppress(CommClosedError, OSError, ValueError):
-                    await client.run(_restart, workers=[worker], nanny=True, wait=False)
+                if solver is not None:
+                    await solver.actor.stop(run.call)
+                await asyncio.wait({solving})
+        if not solving.done():
+            logger.warning("worker %s does not answer; it is restarted", worker)
+            self._solvers.pop(worker, None)
+            solving.cancel()
+            with contextlib.suppress(CommClosedError, OSError, ValueError):
+                await client.run(_restart, workers=[worker], nanny=True, wait=False)
+        else:
+            solving.exception()  # looked at: nobody else will
 
     def _hear(self, event: tuple[float, dict[str, Any]]) -> None:
         _, message = event
-        run = self._busy.get(message["worker"])
-        if run is None or run.future is None or run.future.key != message["key"]:
-            return
-        match message["what"]:
-            case "started":
-                run.started = True
-            case "progress":
+        for run in self._busy.values():
+            if run.call == message["call"]:
                 run.on_progress(message["fraction"], message["best"])
-            case "ended":
-                run.ended.set()
 
     async def _supervise(self) -> None:
         """Keep connected and keep the list of admitted workers up to date."""
@@ -212,15 +220,15 @@ class Engine:
         if self._address is None and self._cluster is None:
             self._cluster = await _local_cluster(self._workers)
         target = self._cluster or self._address
-        client: Client = await Client(target, asynchronous=True, set_as_default=False, timeout=5)
-        # A task that kills its worker comes back to us at once; the job table counts.
-        await client.run_on_scheduler(_report_first_loss)
+        client: Client = await Client(
+            target, asynchronous=True, set_as_default=False, direct_to_workers=True, timeout=5
+        )
         client.subscribe_topic(TOPIC, self._hear)
         return client
 
     async def _disconnect(self) -> None:
         client, self._client = self._client, None
-        self._admitted.clear()
+        self._solvers.clear()
         if client is not None:
             with contextlib.suppress(CommClosedError, OSError, TimeoutError):
                 await client.close(timeout=2)
@@ -232,31 +240,56 @@ class Engine:
             raise OSError(message)
         identity = await client.scheduler.identity(n_workers=-1)
         present = set(identity["workers"])
-        self._admitted &= present
+        for worker in self._solvers.keys() - present:
+            del self._solvers[worker]
         self._refused &= present
-        # A worker that was killed has its task reported as such, which may arrive after this
-        # look; one that is still missing at the next look left on good terms.
+        # The connection to a worker that was killed breaks, which may be noticed after this look;
+        # one that is still missing at the next look is out of reach.
         missing = self._busy.keys() - present
         for worker in missing & self._leaving:
-            future = self._busy[worker].future
-            if future is not None:
-                await future.cancel()
+            solving = self._busy[worker].solving
+            if solving is not None:
+                solving.cancel()
         self._leaving = missing
-        unknown = sorted(present - self._admitted - self._refused)
+        unknown = sorted(present - self._solvers.keys() - self._refused)
         if unknown:
             versions = await client.run(_introduce, workers=unknown, on_error="ignore")
-            self._judge(versions)
+            await self._judge(client, versions)
 
-    def _judge(self, versions: dict[str, str]) -> None:
-        for worker, found in versions.items():
-            if found == VERSION:
-                self._admitted.add(worker)
-            else:
-                self._refused.add(worker)
-                logger.error(
-                    "worker %s runs mutune %s, this is %s: it gets no work", worker, found, VERSION
-                )
+    async def _judge(self, client: Client, versions: dict[str, str]) -> None:
+        fitting = [worker for worker, found in versions.items() if found == VERSION]
+        solvers = await asyncio.gather(*(_place(client, worker) for worker in fitting))
+        self._solvers |= {
+            worker: solver
+            for worker, solver in zip(fitting, solvers, strict=True)
+            if solver is not None
+        }
+        for worker in versions.keys() - set(fitting):
+            self._refused.add(worker)
+            logger.error(
+                "worker %s runs mutune %s, this is %s: it gets no work",
+                worker,
+                versions[worker],
+                VERSION,
+            )
         self._on_idle()
+
+
+async def _place(client: Client, worker: str) -> _Solver | None:
+    """Put a solver on a worker; None where it does not take one, and a later look tries again."""
+    key = f"solver-{uuid.uuid4().hex}"
+    future = client.submit(Solver, key, key=key, pure=False, workers=[worker], actor=True)
+    try:
+        async with asyncio.timeout(_PLACING):
+            with client.as_current():  # an actor speaks through the client that is current
+                return _Solver(future, await future)
+    except (KilledWorker, FutureCancelledError, TimeoutError):
+        return None
+
+
+async def _solve(actor: Actor, call: str, request: str) -> Outcome:
+    outcome: Outcome = await actor.solve(call, request)
+    return outcome
 
 
 async def _local_cluster(workers: int) -> LocalCluster:
@@ -272,10 +305,6 @@ async def _local_cluster(workers: int) -> LocalCluster:
         scheduler_kwargs={"dashboard": False},
     )
     return cluster
-
-
-def _report_first_loss(dask_scheduler: Scheduler) -> None:
-    dask_scheduler.allowed_failures = 0
 
 
 def _introduce() -> str:

@@ -34,7 +34,8 @@ class Queue:
 
     def claim(self, limit: int) -> list[Claim]:
         """Take the next jobs from the queue: interactive before batch, then oldest first."""
-        with self._transactions.writing() as connection:
+        # Not durable: after a power cut the job is in the queue, where it would be put anyway.
+        with self._transactions.writing(durable=False) as connection:
             rows = connection.execute(
                 select(
                     JobRow.id,
@@ -72,7 +73,7 @@ class Queue:
 
     def record_progress(self, progress: Mapping[str, tuple[float, float | None]]) -> None:
         """Note fraction done and best value so far of running jobs."""
-        with self._transactions.writing() as connection:
+        with self._transactions.writing(durable=False) as connection:
             for job_id, (fraction, best) in progress.items():
                 connection.execute(
                     update(JobRow)

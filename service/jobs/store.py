@@ -86,10 +86,15 @@ class Store:
         try:
             with self._transactions.writing() as connection:
                 self._check_room(connection, owner, 1)
-                connection.execute(insert(JobRow), row)
+                sequence = connection.execute(
+                    insert(JobRow).returning(JobRow.sequence), row
+                ).scalar_one()
         except IntegrityError:
             return self.get(owner, self._accepted_before(JobRow, owner, row))
-        return self.get(owner, row["id"])
+        # As it was written, and nobody has changed it yet: no need to read it back.
+        waiting = Snapshot(JobStatus.QUEUED, 0.0, None)
+        created = row["created_at"]
+        return Job(sequence, row["id"], waiting, created, None, None, job.request, None, None)
 
     def submit_batch(
         self, owner: str, jobs: Sequence[NewJob], idempotency_key: str | None = None

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from sqlalchemy import Connection, Engine
+from sqlalchemy import Connection, Engine, text
 from sqlalchemy.exc import DBAPIError, IntegrityError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 
@@ -14,6 +14,9 @@ __all__ = ["StoreUnavailableError", "Transactions"]
 
 class StoreUnavailableError(Exception):
     """The database does not answer, is locked, read-only or full."""
+
+
+_UNHURRIED = text("SET LOCAL synchronous_commit = off")
 
 
 class Transactions:
@@ -36,13 +39,24 @@ class Transactions:
             yield connection
 
     @contextmanager
-    def writing(self) -> Iterator[Connection]:
-        """Yield a connection whose writes are committed at the end, or undone on an exception."""
+    def writing(self, *, durable: bool = True) -> Iterator[Connection]:
+        """Yield a connection whose writes are committed at the end, or undone on an exception.
+
+        Parameters
+        ----------
+        durable : bool
+            Whether a power cut must not undo them: False does not wait for the disk. The death of
+            the process undoes nothing either way.
+
+        """
+        options = {"writes": True, "durable": durable}
         with (
             _translated(),
-            self._engine.connect().execution_options(writes=True) as connection,
+            self._engine.connect().execution_options(**options) as connection,
             connection.begin(),
         ):
+            if not durable and connection.dialect.name == "postgresql":
+                connection.execute(_UNHURRIED)
             yield connection
 
 

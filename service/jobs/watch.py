@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import AsyncIterator, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 from service.jobs.records import FINAL, Snapshot
 from service.jobs.store import Store
@@ -26,6 +26,13 @@ class _Watched:
         self.watchers = 0
         self.state: Snapshot | None = None
         self.changed = asyncio.Event()
+
+    def become(self, state: Snapshot | None) -> None:
+        """Take a state, and wake those who wait for another one."""
+        if state != self.state:
+            self.state = state
+            self.changed.set()
+            self.changed = asyncio.Event()
 
 
 class Watcher:
@@ -62,6 +69,12 @@ class Watcher:
         """Look now: this process has just written."""
         self._poke.set()
 
+    def tell(self, job_id: str, state: Snapshot) -> None:
+        """Tell the watchers of a job what this process has just written of it."""
+        watched = self._watched.get(job_id)
+        if watched is not None:
+            watched.become(state)
+
     async def run(self) -> None:
         """Look at the table, for ever."""
         while True:
@@ -83,10 +96,11 @@ class Watcher:
             states = await asyncio.to_thread(self._store.snapshots, chunk)
             for job_id in chunk:
                 watched = self._watched.get(job_id)
-                if watched is not None and watched.state != states.get(job_id):
-                    watched.state = states.get(job_id)
-                    watched.changed.set()
-                    watched.changed = asyncio.Event()
+                if watched is not None and not (
+                    # Told since this look began.
+                    watched.state is not None and watched.state.status in FINAL
+                ):
+                    watched.become(states.get(job_id))
 
     @contextmanager
     def _watching(self, job_id: str) -> Iterator[_Watched]:
@@ -116,10 +130,13 @@ class Watcher:
                 changed, state = watched.changed, watched.state
 
     async def wait(self, job_id: str, seconds: float) -> None:
-        """Return when the job has ended or the time is over."""
-        try:
+        """Return when the job has ended or the time is over.
+
+        The state at the beginning is that of the next look, so this asks nothing by itself.
+        """
+        with self._watching(job_id) as watched, suppress(TimeoutError):
             async with asyncio.timeout(seconds):
-                async for _ in self.changes(job_id):
-                    pass
-        except TimeoutError:
-            pass
+                while not self._closed:
+                    if watched.state is not None and watched.state.status in FINAL:
+                        return
+                    await watched.changed.wait()

@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 import logging
 import time
+from collections.abc import Callable
 
 import numpy as np
+from distributed import Status as WorkerStatus
 from distributed import Worker, get_worker
 
 import service.schemas
@@ -16,7 +18,7 @@ from service.problems import NumbersError, describe
 from solver.errors import Cancelled, InvalidInputError
 from solver.results import Progress, Status, Tuning
 
-__all__ = ["TOPIC", "solve"]
+__all__ = ["TOPIC", "Solver"]
 
 TOPIC = "mutune"
 _REPORT_EVERY = 0.1  # seconds; a watcher sees no finer steps
@@ -24,47 +26,74 @@ _REPORT_EVERY = 0.1  # seconds; a watcher sees no finer steps
 logger = logging.getLogger(__name__)
 
 
-def solve(address: str, key: str, request: str) -> Outcome:
-    """Tune; tell start, progress and end under `TOPIC`; stop when the task is released.
+class Solver:
+    """A Dask actor: lives in a worker process and computes there, one tuning at a time.
+
+    The engine calls it directly, without the scheduler in between, which would cost several
+    times as much as the call.
 
     Parameters
     ----------
-    address : str
-        Address of this worker.
     key : str
-        Key of this Dask task.
-    request : str
-        JSON text of a `TuningRequest`.
+        Key under which Dask knows this actor.
 
     """
-    worker: Worker = get_worker()
-    message = {"worker": address, "key": key}
-    worker.log_event(TOPIC, {**message, "what": "started"})
-    try:
-        return _outcome(request, _Reporter(worker, message))
-    finally:
-        worker.log_event(TOPIC, {**message, "what": "ended"})
+
+    def __init__(self, key: str) -> None:
+        self._key = key
+        self._worker: Worker = get_worker()
+        self._unwanted: set[str] = set()
+
+    def solve(self, call: str, request: str) -> Outcome:
+        """Tune; tell the progress under `TOPIC`; stop when the call is not wanted any more.
+
+        Parameters
+        ----------
+        call : str
+            Name of this call.
+        request : str
+            JSON text of a `TuningRequest`.
+
+        """
+        try:
+            return _outcome(request, _Reporter(call, self._worker, self._wants))
+        finally:
+            self._unwanted.discard(call)
+
+    async def stop(self, call: str) -> None:
+        """Make a call of `solve` end soon; a coroutine runs beside it, in the event loop."""
+        self._unwanted.add(call)
+
+    def _wants(self, call: str) -> bool:
+        """Whether anybody waits for the result of a call."""
+        return (
+            call not in self._unwanted
+            # Dask drops an actor whose client has gone.
+            and self._key in self._worker.state.actors
+            # A worker that is told to leave hands its work back.
+            and self._worker.status in {WorkerStatus.running, WorkerStatus.paused}
+        )
 
 
 class _Reporter:
     """Progress callback of the solver."""
 
-    def __init__(self, worker: Worker, message: dict[str, str]) -> None:
+    def __init__(self, call: str, worker: Worker, wants: Callable[[str], bool]) -> None:
+        self._call = call
         self._worker = worker
-        self._message = message
-        self._next = 0.0
+        self._wants = wants
+        self._next = time.monotonic() + _REPORT_EVERY
 
     def __call__(self, progress: Progress) -> None:
-        task = self._worker.state.tasks.get(self._message["key"])
-        # Dask marks a running task whose result nobody wants any more: it was cancelled, or the
-        # process that asked for it is gone.
-        if task is None or task.state != "executing":
+        if not self._wants(self._call):
             raise Cancelled
         now = time.monotonic()
         if now >= self._next:
             self._next = now + _REPORT_EVERY
-            state = {"what": "progress", "fraction": progress.fraction, "best": progress.best}
-            self._worker.log_event(TOPIC, {**self._message, **state})
+            self._worker.log_event(
+                TOPIC,
+                {"call": self._call, "fraction": progress.fraction, "best": progress.best},
+            )
 
 
 def _outcome(request: str, report: _Reporter) -> Outcome:

@@ -87,9 +87,10 @@ async def post_tuning(
     request.app.state.dispatcher.wake()
     headers = {"Location": f"/v1/tunings/{job.id}"}
     seconds = _preferred_wait(prefer, settings.max_wait)
-    if seconds is not None:
+    if seconds is not None and job.snapshot.status not in FINAL:
         await request.app.state.watcher.wait(job.id, seconds)
         job = await find_job(request, job.id)
+    if seconds is not None:
         headers["Preference-Applied"] = f"wait={seconds:g}"
     status = 200 if job.snapshot.status in FINAL else 202
     return json_response(job_to_json(job), status, headers)

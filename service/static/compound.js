@@ -1,14 +1,10 @@
 /** Fields of fields: records, unions, optional parts, lists and matrices. */
 
-import { button, h, scroller } from "./dom.js";
+import { button, h, help, put, scroller } from "./dom.js";
 import { key, newId, segments } from "./fields.js";
 import { label, option } from "./format.js";
 import { faults, initial, resolve, variantOf } from "./schema.js";
 import { transferFunction } from "./symbols.js";
-
-/** @typedef {import("./schema.js").Schema} Schema */
-/** @typedef {import("./form.js").Form} Form */
-/** @typedef {import("./form.js").Widget} Widget */
 
 /** Parts that most people leave as they are. */
 const FOLDED = new Set(["search", "bounds", "scenario"]);
@@ -18,7 +14,7 @@ const RELEVANT = {
   "/performance/tau_p": (value) => value.objective !== "tau_p",
 };
 
-/** @param {Form} form @param {Schema} s @param {any} value @param {string} pointer @returns {Widget} */
+/** @type {Builder} */
 export function object(form, s, value, pointer) {
   const name = key(pointer);
   const parts = Object.entries(s.properties ?? {}).map(([property, part]) => {
@@ -35,25 +31,20 @@ export function object(form, s, value, pointer) {
   const fields = h("div", { class: "fields" }, parts.map(({ widget }) => widget.node));
   if (s.title === "TransferFunction") {
     const view = scroller(`Formula of ${label(name)}`, "formula");
-    const draw = () => view.replaceChildren(transferFunction(read()) ?? "");
+    const draw = () => put(view, transferFunction(read()));
     fields.addEventListener("input", draw);
     fields.append(view);
     draw();
   }
-  const folded = FOLDED.has(name);
-  const node = folded
+  const node = FOLDED.has(name)
     ? h("details", { class: "part" }, h("summary", {}, label(name)))
-    : h("fieldset", { class: pointer.split("/").length === 2 ? "part card" : "part" },
-      h("legend", {}, label(name)));
+    : h("fieldset", { class: pointer.split("/").length === 2 ? "part card" : "part" }, h("legend", {}, label(name)));
   form.place(pointer, node, s, []);
   node.append(fields);
   return { node, read };
 }
 
-/**
- * Several forms of one thing.
- * @param {Form} form @param {Schema} s @param {any} value @param {string} pointer @returns {Widget}
- */
+/** Several forms of one thing. @type {Builder} */
 export function union(form, s, value, pointer) {
   const forms = /** @type {Schema[]} */ (s.variants);
   const name = label(key(pointer));
@@ -66,7 +57,7 @@ export function union(form, s, value, pointer) {
     form.forget(pointer);
     inner = object(form, forms[chosen], given, pointer);
     inner.node.className = "bare";
-    content.replaceChildren(inner.node);
+    put(content, inner.node);
   };
   const { node, read } = segments(`${name}, given as`, titles, chosen);
   node.addEventListener("change", () => {
@@ -82,7 +73,7 @@ export function union(form, s, value, pointer) {
   return { node: whole, read: () => inner.read() };
 }
 
-/** @param {Form} form @param {Schema} s @param {any} value @param {string} pointer @returns {Widget} */
+/** @type {Builder} */
 export function optional(form, s, value, pointer) {
   const { nullable: _, ...given } = s;
   const box = h("input", { type: "checkbox", checked: value != null });
@@ -92,29 +83,24 @@ export function optional(form, s, value, pointer) {
   const show = (start) => {
     form.forget(pointer);
     inner = box.checked ? form.build(given, start, pointer) : undefined;
-    content.replaceChildren(...(inner ? [inner.node] : []));
+    put(content, inner?.node);
   };
   box.addEventListener("change", () => (show(initial({ ...given, default: undefined })), form.update()));
   show(value);
-  const help = s.description ? h("p", { class: "help" }, s.description) : null;
   const name = h("label", { class: "check" }, box, label(key(pointer)));
-  return { node: h("div", { class: "part optional" }, name, help, content), read: () => inner?.read() ?? null };
+  const node = h("div", { class: "part optional" }, name, s.description && help(s.description), content);
+  return { node, read: () => inner?.read() ?? null };
 }
 
-/**
- * A list of compound things.
- * @param {Form} form @param {Schema} s @param {any} value @param {string} pointer @returns {Widget}
- */
+/** A list of compound things. @type {Builder} */
 export function rows(form, s, value, pointer) {
   const list = h("div", { class: "rows" });
-  const widgets = /** @type {Widget[]} */ ([]);
   const name = label(key(pointer));
+  let widgets = /** @type {Widget[]} */ ([]);
   const show = (items) => {
     form.forget(pointer);
-    widgets.length = 0;
-    list.replaceChildren(...items.map((item, i) => {
-      const widget = form.build(s.items, item, `${pointer}/${i}`);
-      widgets.push(widget);
+    widgets = items.map((item, i) => form.build(s.items, item, `${pointer}/${i}`));
+    put(list, widgets.map((widget, i) => {
       const remove = () => (show(read().filter((_, k) => k !== i)), form.update());
       const cross = button("✕", remove, "quiet");
       cross.setAttribute("aria-label", `Remove ${name} ${i + 1}`);
@@ -130,10 +116,7 @@ export function rows(form, s, value, pointer) {
   return { node, read };
 }
 
-/**
- * A square matrix.
- * @param {Form} form @param {Schema} s @param {any} value @param {string} pointer @returns {Widget}
- */
+/** A square matrix. @type {Builder} */
 export function grid(form, s, value, pointer) {
   const id = newId("f");
   const largest = s.maxItems ?? 10;
@@ -146,7 +129,7 @@ export function grid(form, s, value, pointer) {
     form.forget(pointer);
     widgets = Array.from({ length: n }, (_, r) => Array.from({ length: n }, (_, c) =>
       form.build(item, given[r]?.[c] ?? given[0]?.[0] ?? initial(item), `${pointer}/${r}/${c}`)));
-    cells.replaceChildren(...widgets.flat().map((widget) => widget.node));
+    put(cells, widgets.flat().map((widget) => widget.node));
     cells.dataset.columns = String(n);
   };
   const read = () => widgets.map((row) => row.map((widget) => widget.read()));

@@ -1,65 +1,29 @@
 /** Making elements. Text is always text: nothing here parses HTML. */
 
-/** @typedef {Node | string | number | null | undefined | false} Child */
-/** @typedef {Record<string, any>} Props attributes; `on...` are listeners */
-
-/**
- * @param {Element} node
- * @param {Props} props
- * @param {(Child | Child[])[]} children
- */
-function fill(node, props, children) {
+/** @type {(kind: string) => (tag: string, props?: Props, ...children: Children) => Element} */
+const maker = (kind) => (tag, props = {}, ...children) => {
+  const node = document.createElementNS(`http://www.w3.org/${kind}`, tag);
   for (const [key, value] of Object.entries(props)) {
     if (typeof value === "function") node.addEventListener(key.slice(2), value);
     else if (value !== false && value != null) node.setAttribute(key, value === true ? "" : value);
   }
-  for (const child of children.flat()) {
-    if (child !== false && child != null) node.append(child instanceof Node ? child : `${child}`);
-  }
-}
-
-/**
- * @template {keyof HTMLElementTagNameMap} K
- * @param {K} tag
- * @param {Props} [props]
- * @param {...(Child | Child[])} children
- * @returns {HTMLElementTagNameMap[K]}
- */
-export function h(tag, props = {}, ...children) {
-  const node = document.createElement(tag);
-  fill(node, props, children);
+  put(node, ...children);
   return node;
-}
+};
 
-/** @param {string} namespace */
-function maker(namespace) {
-  /** @param {string} tag @param {Props} props @param {(Child | Child[])[]} children */
-  function make(tag, props = {}, ...children) {
-    const node = document.createElementNS(namespace, tag);
-    fill(node, props, children);
-    return node;
-  }
-  return make;
-}
+export const h = /** @type {Html} */ (maker("1999/xhtml"));
+export const svg = maker("2000/svg");
+export const math = maker("1998/Math/MathML");
 
-export const svg = maker("http://www.w3.org/2000/svg");
-export const math = maker("http://www.w3.org/1998/Math/MathML");
-
-/**
- * Replace what is in a place.
- * @param {Element} place
- * @param {...(Child | Child[])} children
- */
+/** Replace what is in a place. @param {Element} place @param {Children} children */
 export function put(place, ...children) {
-  place.replaceChildren();
-  fill(place, {}, children);
+  const shown = children.flat().filter((child) => child !== false && child != null);
+  place.replaceChildren(...shown.map((child) => (child instanceof Node ? child : `${child}`)));
 }
 
 /**
- * A table with its caption and headers.
- * @param {string} caption
- * @param {Child[]} head
- * @param {Child[][]} rows the first cell of a row is its header
+ * A table with its caption and headers; the first cell of a row is its header.
+ * @param {string} caption @param {Child[]} head @param {Child[][]} rows
  */
 export function table(caption, head, rows) {
   const cell = (/** @type {Child} */ content, column) =>
@@ -71,15 +35,24 @@ export function table(caption, head, rows) {
       h("tbody", {}, rows.map((row) => h("tr", {}, row.map(cell))))));
 }
 
-/** A box that scrolls, by keyboard too. @param {string} name @param {string} kind @param {...Child} inside */
+/** A box that scrolls, by keyboard too. @param {string} name @param {string} kind @param {Children} inside */
 export const scroller = (name, kind, ...inside) =>
-  h("div", { class: kind, tabindex: "0", role: "group", "aria-label": name }, inside);
+  h("div", { class: kind, tabindex: "0", role: "group", "aria-label": name }, ...inside);
+
+/** @param {string} title @param {Children} inside */
+export const card = (title, ...inside) => h("section", { class: "card" }, h("h2", {}, title), ...inside);
 
 /** @param {string} text @param {() => void} onclick @param {string} [kind] */
 export const button = (text, onclick, kind) => h("button", { type: "button", class: kind, onclick }, text);
 
-/** The head of a view. @param {Child} title @param {...Child} rest */
-export const lead = (title, ...rest) => h("header", { class: "lead" }, h("h1", { tabindex: "-1" }, title), rest);
+/** @param {string} text @param {string} href @param {string} [kind] */
+export const link = (text, href, kind = "") => h("a", { class: `button ${kind}`, href }, text);
+
+/** The head of a view. @param {Child} title @param {Children} rest */
+export const lead = (title, ...rest) => h("header", { class: "lead" }, h("h1", { tabindex: "-1" }, title), ...rest);
+
+/** @param {Child} text */
+export const help = (text) => h("p", { class: "help" }, text);
 
 /** @param {string} name @param {BlobPart} content @param {string} [type] */
 export function download(name, content, type = "application/json") {
@@ -88,10 +61,7 @@ export function download(name, content, type = "application/json") {
   setTimeout(() => URL.revokeObjectURL(url), 10_000);
 }
 
-/**
- * Put text on the clipboard; the modern interface exists over HTTPS and on localhost only.
- * @param {string} text
- */
+/** Put text on the clipboard; the modern way exists over HTTPS and on localhost only. @param {string} text */
 export async function copy(text) {
   if (navigator.clipboard) return navigator.clipboard.writeText(text);
   const area = h("textarea", {}, text);

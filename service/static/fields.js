@@ -3,17 +3,13 @@
 import { h } from "./dom.js";
 import { label, option, unitTag } from "./format.js";
 
-/** @typedef {import("./schema.js").Schema} Schema */
-/** @typedef {import("./form.js").Form} Form */
-/** @typedef {import("./form.js").Widget} Widget */
-
 const SEGMENTS = 4; // options that fit side by side
 let serial = 0;
 
 /** An id that no other element has. @param {string} kind */
 export const newId = (kind) => `${kind}${++serial}`;
 
-/** @param {Form} form @param {Schema} s @param {any} value @param {string} pointer @returns {Widget} */
+/** @type {Builder} */
 export function input(form, s, value, pointer) {
   const id = newId("f");
   const example = s.examples?.find((e) => e !== null);
@@ -32,13 +28,12 @@ export function input(form, s, value, pointer) {
   };
 }
 
-/** @param {Form} form @param {Schema} s @param {any} value @param {string} pointer @returns {Widget} */
+/** @type {Builder} */
 export function choice(form, s, value, pointer) {
   const options = s.enum ?? [true, false];
   const text = (o) => (o === true ? "Yes" : o === false ? "No" : option(o));
-  const few = options.length <= SEGMENTS && !s.nullable;
   const name = label(key(pointer));
-  if (few) {
+  if (options.length <= SEGMENTS && !s.nullable) {
     const { node, read, radios } = segments(name, options.map(text), options.indexOf(value));
     return { node: form.place(pointer, node, s, radios), read: () => options[read()] };
   }
@@ -50,10 +45,7 @@ export function choice(form, s, value, pointer) {
   return { node: form.place(pointer, node, s, [select]), read: () => all[select.selectedIndex] };
 }
 
-/**
- * Options side by side, of which one is chosen.
- * @param {string} name @param {string[]} texts @param {number} chosen
- */
+/** Options side by side, of which one is chosen. @param {string} name @param {string[]} texts @param {number} chosen */
 export function segments(name, texts, chosen) {
   const group = newId("g");
   const radios = texts.map((_, i) => h("input", { type: "radio", name: group, checked: i === chosen }));

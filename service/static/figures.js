@@ -1,19 +1,16 @@
 /** Plotly, loaded when a figure is first wanted, under a policy that permits no inline style. */
 
 import { request } from "./api.js";
-import { h, put } from "./dom.js";
+import { h, help, put } from "./dom.js";
 import { label, timeUnit } from "./format.js";
-import { takes } from "./schema.js";
 
-/** @typedef {{data: any[], layout: any}} Figure as the service makes it, without a template */
-/**
- * @typedef {{templates: {light: any, dark: any}, figures: Record<string, Figure>,
- *   omitted: Record<string, string>}} Figures
- */
+const LEGEND = 30; // pixels: room for a legend of one line, which the figures come with
 
 const dark = matchMedia("(prefers-color-scheme: dark)");
+const phone = matchMedia("(max-width: 40rem)");
 const drawn = /** @type {Set<{plot: HTMLElement, draw: () => void}>} */ (new Set());
-dark.addEventListener("change", () => drawn.forEach((one) => (one.plot.isConnected ? one.draw() : drawn.delete(one))));
+const redraw = () => drawn.forEach((one) => (one.plot.isConnected ? one.draw() : drawn.delete(one)));
+for (const media of [dark, phone]) media.addEventListener("change", redraw);
 
 /** @type {Promise<any> | undefined} */
 let plotly;
@@ -24,7 +21,7 @@ let plotly;
  * page's. Style attributes are sent the permitted way. The rules of its maps, which it inserts
  * as it loads and nothing here needs, end in an element that means nothing.
  */
-export function loadPlotly() {
+function loadPlotly() {
   plotly ??= new Promise((done, failed) => {
     const { setAttribute } = Element.prototype;
     Element.prototype.setAttribute = function (name, value) {
@@ -34,43 +31,41 @@ export function loadPlotly() {
     const { createElement } = document;
     document.createElement = (tag, options) =>
       createElement.call(document, tag === "style" ? "template" : tag, options);
-    const source = document.querySelector("meta[name=plotly]")?.getAttribute("content");
-    const onload = () => {
-      document.createElement = createElement;
-      done(/** @type {any} */ (window).Plotly);
-    };
+    const onload = () => done(/** @type {any} */ (window).Plotly);
     const onerror = () => {
-      document.createElement = createElement;
       plotly = undefined;
       failed(new Error("The drawing library could not be loaded."));
     };
-    document.head.append(h("script", { src: source, async: true, onload, onerror }));
+    const src = document.querySelector("meta[name=plotly]")?.getAttribute("content");
+    const script = h("script", { src, onload, onerror });
+    for (const end of ["load", "error"]) script.addEventListener(end, () => (document.createElement = createElement));
+    document.head.append(script);
   });
   return plotly;
 }
+
+/** The path that asks for texts in the user's unit. @param {string} path */
+export const inUnit = (path) => `${path}?unit=${encodeURIComponent(timeUnit())}`;
+
+/** The figures of a tuning. @param {string} id @returns {Promise<Figures>} */
+export const figuresOf = (id) => request("GET", inUnit(`/v1/tunings/${id}/figures`));
+
+/** The figures of an analysis. @param {string} name @param {unknown} body @returns {Promise<Figures>} */
+export const figuresOfAnswer = (name, body) => request("POST", inUnit(`/v1/figures/${name}`), { body });
 
 /**
  * Fetch figures and draw them; what fails is told in their place.
  * @param {HTMLElement} place @param {Promise<Figures>} answer @param {string} name of the files saved
  */
 export async function showFigures(place, answer, name) {
+  place.setAttribute("aria-busy", "true");
   try {
     await drawFigures(place, await answer, name);
   } catch (error) {
     if (place.isConnected) put(place, h("p", { class: "error" }, /** @type {Error} */ (error).message));
   }
+  place.removeAttribute("aria-busy");
 }
-
-/** The path that asks for texts in the user's unit. @param {string} path @param {string} declared its form */
-export const inUnit = (path, declared, method = "get") =>
-  takes(declared, "unit", method) ? `${path}?unit=${encodeURIComponent(timeUnit())}` : path;
-
-/** The figures of a tuning. @param {string} id @returns {Promise<Figures>} */
-export const figuresOf = (id) =>
-  request("GET", inUnit(`/v1/tunings/${id}/figures`, "/v1/tunings/{job_id}/figures"));
-
-/** The figures of an analysis. @param {string} path @param {unknown} body @returns {Promise<Figures>} */
-export const figuresOfAnswer = (path, body) => request("POST", inUnit(path, path, "post"), { body });
 
 /**
  * Draw figures one after another, so that the page stays usable meanwhile.
@@ -79,27 +74,31 @@ export const figuresOfAnswer = (path, body) => request("POST", inUnit(path, path
 async function drawFigures(place, { templates, figures, omitted }, name) {
   const frames = Object.entries(figures).map(([kind, figure]) => {
     const plot = h("div", { class: "plot" });
-    const { title = kind, description = "" } = figure.layout.meta ?? {};
+    const { title, description } = figure.layout.meta;
     const node = h("figure", { class: "card", "data-figure": kind },
-      h("figcaption", {}, h("h2", {}, title), h("p", { class: "help" }, description)), plot);
+      h("figcaption", {}, h("h2", {}, title), help(description)), plot);
     return { kind, figure, plot, node };
   });
-  const lacking = Object.entries(omitted).map(([kind, reason]) =>
-    h("p", { class: "help" }, `${label(kind)} is not drawn: ${reason}`));
-  put(place, frames.map(({ node }) => node), lacking);
+  put(place, frames.map(({ node }) => node),
+    Object.entries(omitted).map(([kind, reason]) => help(`${label(kind)} is not drawn: ${reason}`)));
   const Plotly = await loadPlotly();
-  for (const { kind, figure, plot } of frames) {
-    const { data, layout } = figure;
+  for (const { kind, figure: { data, layout }, plot } of frames) {
+    const paper = { ...layout, template: templates.light, paper_bgcolor: "white" };
     const save = {
       name: "png", title: "Save as PNG", icon: Plotly.Icons.camera,
-      click: () => Plotly.downloadImage(
-        { data, layout: { ...layout, template: templates.light, paper_bgcolor: "white" } },
+      click: () => Plotly.downloadImage({ data, layout: paper },
         { format: "png", width: 1000, height: 600, scale: 2, filename: `${name}-${kind}` }),
     };
-    const buttons = [[save], ["zoom2d", "pan2d", "resetScale2d"]];
-    const draw = () => Plotly.react(plot,
-      data, { ...layout, autosize: true, template: dark.matches ? templates.dark : templates.light },
-      { responsive: true, displaylogo: false, modeBarButtons: buttons });
+    const modeBarButtons = [[save], ["zoom2d", "pan2d", "resetScale2d"]];
+    const draw = async (more = 0) => {
+      const template = dark.matches ? templates.dark : templates.light;
+      const font = phone.matches ? { size: 11 } : {};
+      await Plotly.react(plot, data, { ...layout, autosize: true, template, font, height: layout.height + more },
+        { responsive: true, displaylogo: false, modeBarButtons });
+      // Where the legend wraps, as on phones, it must not take its room from the panels.
+      const lacking = (plot.querySelector(".legend")?.getBoundingClientRect().height ?? 0) - LEGEND;
+      if (more === 0 && lacking > 0) await draw(lacking);
+    };
     await draw();
     drawn.add({ plot, draw });
     await new Promise((done) => setTimeout(done));

@@ -1,13 +1,10 @@
 /** A form made from a schema: fields, units, bounds and help are those of the service. */
 
 import { grid, object, optional, rows, union } from "./compound.js";
-import { h } from "./dom.js";
+import { h, help } from "./dom.js";
 import { choice, input, newId } from "./fields.js";
 import { faults, resolve } from "./schema.js";
 
-/** @typedef {import("./schema.js").Schema} Schema */
-/** @typedef {import("./api.js").Fault} Fault */
-/** @typedef {{node: HTMLElement, read: () => any}} Widget undefined: left open */
 /** @typedef {{node: HTMLElement, error: HTMLElement, controls: HTMLElement[]}} Slot */
 
 /** A form whose value is checked against its schema while it is filled in. */
@@ -24,28 +21,14 @@ export class Form {
     this.read = root.read;
     this.node = root.node;
     this.node.className = "root";
-    this.node.addEventListener("input", (event) => this.edited(event));
-    this.node.addEventListener("focusout", (event) => this.left(event));
-    this.update();
-  }
-
-  /** @param {Event} event */
-  pointer(event) {
-    const field = /** @type {HTMLElement} */ (event.target).closest("[data-pointer]");
-    return /** @type {HTMLElement | null} */ (field)?.dataset.pointer ?? "";
-  }
-
-  /** @param {Event} event */
-  edited(event) {
-    const here = this.pointer(event);
-    this.refused = this.refused.filter(({ pointer }) => !pointer.startsWith(here) && !here.startsWith(pointer));
-    this.update();
-  }
-
-  /** @param {FocusEvent} event */
-  left(event) {
-    this.touched.add(this.pointer(event));
-    this.update();
+    this.node.addEventListener("input", (event) => {
+      const here = pointerOf(event);
+      this.refuse(this.refused.filter(({ pointer }) => !pointer.startsWith(here) && !here.startsWith(pointer)));
+    });
+    this.node.addEventListener("focusout", (event) => {
+      this.touched.add(pointerOf(event));
+      this.update();
+    });
   }
 
   /** Show what the service refused, beside its fields. @param {Fault[]} found */
@@ -68,37 +51,33 @@ export class Form {
     const value = this.read();
     for (const { node, holds } of this.conditions.values()) node.hidden = !holds(value);
     const found = faults(this.schema, this.read());
-    const shown = /** @type {Map<Slot, string[]>} */ (new Map());
+    const shown = /** @type {Map<string, Set<string>>} */ (new Map());
     for (const fault of [...found, ...this.refused]) {
-      let pointer = fault.pointer;
+      let { pointer } = fault;
       while (!this.slots.has(pointer)) pointer = pointer.slice(0, Math.max(pointer.lastIndexOf("/"), 0));
-      const slot = /** @type {Slot} */ (this.slots.get(pointer));
-      const known = this.refused.includes(fault);
-      if (known || this.touched.has(pointer)) shown.set(slot, [...(shown.get(slot) ?? []), fault.detail]);
+      if (!this.touched.has(pointer) && !this.refused.includes(fault)) continue;
+      shown.set(pointer, (shown.get(pointer) ?? new Set()).add(fault.detail));
     }
-    for (const slot of this.slots.values()) {
-      const text = [...new Set(shown.get(slot))].join(" ");
-      slot.error.textContent = text;
-      for (const control of slot.controls) control.toggleAttribute("aria-invalid", Boolean(text));
-      if (text) for (const fold of ancestors(slot.node)) fold.open = true;
+    for (const [pointer, { node, error, controls }] of this.slots) {
+      const text = [...(shown.get(pointer) ?? [])].join(" ");
+      error.textContent = text;
+      for (const control of controls) control.toggleAttribute("aria-invalid", Boolean(text));
+      if (text) unfold(node);
     }
     this.changed();
     return found;
   }
 
-  /** @param {Schema} schema @param {any} value @param {string} pointer @returns {Widget} */
+  /** @type {(schema: Schema, value: any, pointer: string) => Widget} */
   build(schema, value, pointer) {
     const s = resolve(schema);
     if ("const" in s) return { node: h("div", { hidden: true }), read: () => s.const };
-    const compound = s.variants || s.type === "object" || (s.type === "array" && !isFlat(s));
-    if (s.nullable && compound) return optional(this, s, value, pointer);
-    if (s.variants) return union(this, s, value, pointer);
-    if (s.type === "object") return object(this, s, value, pointer);
-    if (s.enum || s.type === "boolean") return choice(this, s, value, pointer);
-    if (s.type === "array" && !isFlat(s)) {
-      return resolve(s.items).type === "array" ? grid(this, s, value, pointer) : rows(this, s, value, pointer);
-    }
-    return input(this, s, value, pointer);
+    const isList = s.type === "array" && !isFlat(s);
+    const compound = s.variants || s.type === "object" || isList;
+    const isMatrix = isList && resolve(s.items).type === "array";
+    const build = s.nullable && compound ? optional : s.variants ? union : s.type === "object" ? object
+      : isMatrix ? grid : isList ? rows : s.enum || s.type === "boolean" ? choice : input;
+    return build(this, s, value, pointer);
   }
 
   /**
@@ -107,11 +86,12 @@ export class Form {
    */
   place(pointer, node, s, controls) {
     const error = h("p", { class: "error", id: newId("e") });
-    const help = s.description ? h("p", { class: "help", id: newId("h") }, s.description) : null;
-    const described = help ? `${help.id} ${error.id}` : error.id;
+    const notes = s.description ? [help(s.description), error] : [error];
+    notes[0].id ||= newId("h");
+    const described = notes.map(({ id }) => id).join(" ");
     for (const control of controls) control.setAttribute("aria-describedby", described);
     node.dataset.pointer = pointer;
-    node.append(...(help ? [help] : []), error);
+    node.append(...notes);
     this.slots.set(pointer, { node, error, controls });
     return node;
   }
@@ -124,11 +104,17 @@ export class Form {
   }
 }
 
+/** @param {Event} event */
+const pointerOf = ({ target }) =>
+  /** @type {HTMLElement | null} */ (/** @type {Element} */ (target).closest("[data-pointer]"))?.dataset.pointer ?? "";
+
 /** @param {Schema} s a list of plain numbers, which one line of text holds */
 const isFlat = (s) => s.prefixItems || ["number", "integer", "string"].includes(resolve(s.items ?? {}).type);
 
-/** @param {HTMLElement} node @returns {HTMLDetailsElement[]} */
-function ancestors(node) {
-  const fold = node.closest("details");
-  return fold ? [fold, ...(fold.parentElement ? ancestors(fold.parentElement) : [])] : [];
+/** Open what a field is folded in. @param {Element | null | undefined} node */
+function unfold(node) {
+  const fold = node?.closest("details");
+  if (!fold) return;
+  fold.open = true;
+  unfold(fold.parentElement);
 }

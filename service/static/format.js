@@ -5,7 +5,8 @@ import { h } from "./dom.js";
 const NAMES = /** @type {Record<string, string>} */ ({
   n: "Units n", tau_p: "Time constant τₚ", epsilon: "Error ε", theta: "Time scale θ", mu: "μ",
   omega: "Frequency ω", max_peak: "Peak M", offset: "Offset A", num: "Numerator",
-  den: "Denominator", rga: "RGA", succeeded: "Done",
+  den: "Denominator", rga: "RGA", succeeded: "Done", mcavoy: "McAvoy",
+  wood_berry: "Wood and Berry", relay_johansson: "Johansson's relay",
 });
 const OPTIONS = /** @type {Record<string, string>} */ ({
   tau_p: "Fastest loop, τₚ", mu: "Most robust, μ",
@@ -25,10 +26,7 @@ export const label = (key) => NAMES[key] ?? words(key);
 /** @param {unknown} value */
 export const option = (value) => OPTIONS[String(value)] ?? words(String(value));
 
-/**
- * @param {number | null | undefined} value
- * @param {number} [digits] significant ones
- */
+/** @param {number | null | undefined} value @param {number} [digits] significant ones */
 export function number(value, digits = 4) {
   if (value == null || !Number.isFinite(value)) return "–";
   const size = Math.abs(value);
@@ -41,6 +39,9 @@ export function number(value, digits = 4) {
 }
 
 const minus = (value) => String(value).replace("-", "−");
+
+/** @param {string | null} text one that may lack its capital and its full stop */
+export const sentence = (text) => (text ?? "").replace(/^./, (first) => first.toUpperCase()).replace(/[^.]$/, "$&.");
 
 /** @param {string} moment ISO time */
 export const clock = (moment) =>
@@ -73,22 +74,13 @@ export const unitOf = (id) => known()[id];
 
 /** @param {string} id */
 export function rememberUnit(id) {
-  const entries = Object.entries({ ...known(), [id]: time, last: time }).slice(-300);
-  localStorage.setItem(KNOWN, JSON.stringify(Object.fromEntries(entries)));
+  const recent = Object.fromEntries(Object.entries(known()).slice(-300));
+  localStorage.setItem(KNOWN, JSON.stringify({ ...recent, [id]: time, last: time }));
 }
 
-/** @param {string | undefined} kind `x-unit` of the schema */
-export function unitText(kind) {
-  switch (kind) {
-    case "time": return time;
-    case "rad/time": return `rad/${time}`;
-    case "gain": return "output/input";
-    case "s": return "s";
-    case "1":
-    case "powers of time": return "";
-    default: return kind ?? "";
-  }
-}
+/** @param {string} [kind] `x-unit` of the schema @returns {string} */
+export const unitText = (kind = "") =>
+  ({ time, "rad/time": `rad/${time}`, gain: "output/input", 1: "", "powers of time": "" })[kind] ?? kind;
 
 /** @param {string | undefined} kind */
 export const unitTag = (kind) =>

@@ -1,14 +1,13 @@
 /** The views of many tunings: their history, and two side by side. */
 
 import { FINAL, pause, request } from "./api.js";
-import { h, lead, put, table } from "./dom.js";
+import { button, h, lead, put, table } from "./dom.js";
 import { figuresOf, showFigures } from "./figures.js";
 import { clock, label, number, setTimeUnit, unitOf } from "./format.js";
 import { chipOf } from "./job.js";
 import { summary } from "./record.js";
-import { exists } from "./schema.js";
 
-/** @typedef {import("./main.js").View} View */
+const EVERY = 2000; // milliseconds between two looks while something runs
 
 /** @param {any} job */
 function line(job) {
@@ -16,7 +15,7 @@ function line(job) {
   const unit = job.request.objective === "mu" ? "μ" : unitOf(job.id) ?? "";
   return [
     h("a", { href: `#/tunings/${job.id}` }, title, h("br"), h("span", { class: "help" }, aim)),
-    chipOf(job.status),
+    chipOf(job),
     h("span", { class: "value" }, number(job.progress.best), " ", h("span", { class: "unit" }, unit)),
     clock(job.created_at),
   ];
@@ -24,17 +23,19 @@ function line(job) {
 
 /** @param {View} view */
 export async function historyView({ main, signal, keep }) {
+  const chosen = /** @type {Set<string>} */ (new Set());
   const place = h("div", {});
-  const more = h("button", { type: "button", hidden: true }, "Earlier ones");
-  const compare = h("button", { type: "button", disabled: true }, "Compare the two chosen");
-  const chosen = /** @type {string[]} */ ([]);
-  compare.addEventListener("click", () => (location.hash = `#/compare?a=${chosen[0]}&b=${chosen[1]}`));
-  const choice = (job) => h("input", {
-    type: "checkbox", "aria-label": `Choose the tuning of ${clock(job.created_at)}`, checked: chosen.includes(job.id),
-    onchange: (event) => {
-      if (event.target.checked) chosen.push(job.id);
-      else chosen.splice(chosen.indexOf(job.id), 1);
-      compare.disabled = chosen.length !== 2;
+  const compare = button("Compare the two chosen", () => {
+    const [a, b] = chosen;
+    location.hash = `#/compare?a=${a}&b=${b}`;
+  });
+  compare.disabled = true;
+  const choice = ({ id, created_at }) => h("input", {
+    type: "checkbox", "aria-label": `Choose the tuning of ${clock(created_at)}`, checked: chosen.has(id),
+    onchange: ({ target }) => {
+      if (target.checked) chosen.add(id);
+      else chosen.delete(id);
+      compare.disabled = chosen.size !== 2;
     },
   });
   let pages = 1;
@@ -47,23 +48,20 @@ export async function historyView({ main, signal, keep }) {
       next = answer.next;
     }
     more.hidden = !next;
-    const focused = document.activeElement;
-    const none = h("p", {}, "No tuning yet. ", h("a", { href: "#/" }, "Start the first one."));
     const rows = jobs.map((job) => [...line(job), choice(job)]);
+    const none = h("p", {}, "No tuning yet. ", h("a", { href: "#/" }, "Start the first one."));
     const heads = ["Plant", "Status", "Best", "Started", "Compare"];
-    if (!place.contains(focused)) put(place, rows.length ? table("Tunings, newest first", heads, rows) : none);
+    if (!place.contains(document.activeElement)) put(place, rows.length ? table("Newest first", heads, rows) : none);
     return jobs.some((job) => !FINAL.has(job.status));
   };
-  more.addEventListener("click", () => (pages++, load()));
+  const more = button("Earlier ones", () => (pages++, load()));
   main.replaceChildren(lead("History"),
     h("section", { class: "card" }, place, h("div", { class: "buttons" }, compare, more)));
-  const running = await load();
-  if (running) keep(poll());
-
-  async function poll() {
-    do await pause(2000);
+  const poll = async () => {
+    do await pause(EVERY);
     while (!signal.aborted && (await load()));
-  }
+  };
+  if (await load()) keep(poll());
 }
 
 /** @param {any} value @param {string} [pointer] @returns {[string, string][]} */
@@ -82,7 +80,8 @@ const essence = ({ tau_p, peaks, comparison, loops, groups }) => ({
 
 /** @param {View} view @param {URLSearchParams} query */
 export async function compareView({ main, signal, go }, query) {
-  const ids = ["a", "b"].map((name) => query.get(name));
+  const names = ["a", "b"];
+  const ids = names.map((name) => query.get(name));
   const { items } = await request("GET", "/v1/tunings?limit=100&status=succeeded", { signal });
   const pick = (name, i) => {
     const options = items.map((job) => {
@@ -90,39 +89,34 @@ export async function compareView({ main, signal, go }, query) {
       const text = [title, aim, number(job.progress.best), clock(job.created_at)].join(" · ");
       return h("option", { value: job.id, selected: job.id === ids[i] }, text);
     });
-    const select = h("select", { id: name }, h("option", { value: "" }, "Choose a tuning"), options);
-    select.addEventListener("change", () => {
-      query.set(name, select.value);
-      go(`#/compare?${query}`);
-    });
+    const choose = ({ target }) => (query.set(name, target.value), go(`#/compare?${query}`));
+    const select = h("select", { id: name, onchange: choose }, h("option", { value: "" }, "Choose a tuning"), options);
     return h("div", { class: "field" }, h("label", { for: name }, i ? "Second" : "First"), select);
   };
   const body = h("div", {});
-  main.replaceChildren(lead("Compare two tunings"),
-    h("div", { class: "cards" }, ["a", "b"].map(pick)), body);
+  main.replaceChildren(lead("Compare two tunings"), h("div", { class: "cards" }, names.map(pick)), body);
   if (!ids[0] || !ids[1]) return;
 
   setTimeUnit(unitOf(ids[0]) ?? "time units");
   const jobs = await Promise.all(ids.map((id) => request("GET", `/v1/tunings/${id}`, { signal })));
-  const heads = jobs.map((job, i) =>
-    h("a", { href: `#/tunings/${job.id}` }, `${i ? "Second" : "First"}: ${summary(job.request).title}`));
-  const told = jobs.map(({ result }) => new Map(flat(result ? essence(result) : {})));
-  const asked = jobs.map((job) => new Map(flat(job.request)));
-  const rows = (sides, every) => [...new Set(sides.flatMap((side) => [...side.keys()]))]
-    .filter((at) => every || sides[0].get(at) !== sides[1].get(at))
-    .map((at) => [at.split("/").slice(1).map(label).join(" › "), ...sides.map((side) => side.get(at) ?? "–")]);
-  const differing = rows(asked, false);
-  const columns = h("div", { class: "figures" });
-  body.replaceChildren(
-    h("section", { class: "card" }, table("Results", ["", ...heads], rows(told, true))),
+  const heads = jobs.map(({ id, request: asked }, i) =>
+    h("a", { href: `#/tunings/${id}` }, `${i ? "Second" : "First"}: ${summary(asked).title}`));
+  /** @type {(sides: any[], matters: (one: string, other: string) => boolean) => string[][]} */
+  const lines = (sides, matters) => {
+    const [a, b] = sides.map((side) => new Map(flat(side)));
+    return [...new Set([...a.keys(), ...b.keys()])]
+      .map((at) => [at.split("/").slice(1).map(label).join(" › "), a.get(at) ?? "–", b.get(at) ?? "–"])
+      .filter(([, one, other]) => matters(one, other));
+  };
+  const found = jobs.map(({ result }) => (result ? essence(result) : {}));
+  const told = lines(found, (one, other) => one !== "–" || other !== "–");
+  const differing = lines(jobs.map((job) => job.request), (one, other) => one !== other);
+  const sides = jobs.map(() => h("div", { class: "side" }));
+  put(body,
+    h("section", { class: "card" }, table("Results", ["", ...heads], told)),
     h("section", { class: "card" }, differing.length
       ? table("Where the requests differ", ["", "First", "Second"], differing)
       : h("p", {}, "The requests are the same.")),
-    columns);
-  if (!exists("/v1/tunings/{job_id}/figures", "get") || jobs.some((job) => !job.result?.loops.length)) return;
-  const sides = jobs.map((job) => ({ job, place: h("div", { class: "side" }) }));
-  columns.replaceChildren(...sides.map(({ place }) => place));
-  for (const { job, place } of sides) {
-    await showFigures(place, figuresOf(job.id), `mutune-${job.id.slice(0, 8)}`);
-  }
+    h("div", { class: "figures" }, sides));
+  for (const [i, { id }] of jobs.entries()) await showFigures(sides[i], figuresOf(id), `mutune-${id.slice(0, 8)}`);
 }

@@ -6,29 +6,23 @@ import { label } from "./format.js";
 import { compareView, historyView } from "./history.js";
 import { jobView } from "./job.js";
 import { requestView } from "./request.js";
-import { analyses, exists, loadSchema } from "./schema.js";
-
-/**
- * What a view is given; `keep` minds work that goes on after the view stands there.
- * @typedef {{main: HTMLElement, signal: AbortSignal, go: (hash: string) => void,
- *   keep: (work: Promise<any>) => void}} View
- */
+import { analyses, loadSchema } from "./schema.js";
 
 const main = /** @type {HTMLElement} */ (document.querySelector("main"));
 const banner = /** @type {HTMLElement} */ (document.querySelector("#connection"));
+const dialog = /** @type {HTMLDialogElement} */ (document.querySelector("#key"));
 let current = new AbortController();
 let first = true;
 
 /** @param {View} view @param {string} path @param {URLSearchParams} query */
 function show(view, path, query) {
-  const [place, id] = path.split("/");
-  const from = query.get("from") ?? undefined;
-  if (place === "tunings" && id) return jobView(view, id, query);
-  if (place === "tunings") return historyView(view);
+  const [place, name] = path.split("/");
+  const from = query.get("from");
+  if (place === "tunings") return name ? jobView(view, name, query) : historyView(view);
   if (place === "compare") return compareView(view, query);
-  if (place === "analyses" && id && exists(`/v1/${id}`)) return requestView(view, `/v1/${id}`, { from });
-  if (place === "analyses") return analysesView(view);
-  return requestView(view, "/v1/tunings", { from, title: "Tune parallel loops" });
+  if (place !== "analyses") return requestView(view, "/v1/tunings", from);
+  const analysis = analyses().find((one) => one.name === name);
+  return analysis ? requestView(view, analysis.path, from) : analysesView(view);
 }
 
 /** @param {View} view */
@@ -75,7 +69,6 @@ connection.addEventListener("change", (event) => {
 /** @type {Promise<string> | undefined} */
 let asking;
 onKeyNeeded(() => {
-  const dialog = /** @type {HTMLDialogElement} */ (document.querySelector("#key"));
   const input = /** @type {HTMLInputElement} */ (dialog.querySelector("input"));
   asking ??= new Promise((done) => {
     dialog.showModal();

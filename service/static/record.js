@@ -1,10 +1,8 @@
 /** Any result of the service as terms and tables, by its schema. */
 
-import { h, table } from "./dom.js";
+import { h, help, table } from "./dom.js";
 import { label, number, option, unitTag } from "./format.js";
 import { resolve, variantOf } from "./schema.js";
-
-/** @typedef {import("./schema.js").Schema} Schema */
 
 const LONG = 12; // numbers, or rows, that are told one by one; the file holds them all
 const TEXT = 60; // characters that fit beside other terms
@@ -35,8 +33,8 @@ function short(value) {
     return `${number(value.re)} ${value.im < 0 ? "−" : "+"} ${number(Math.abs(value.im))}i`;
   }
   if (Array.isArray(value)) return value.map(short).join(", ");
-  const named = ([key, item], i) => (i ? `${label(key).toLowerCase()} ${short(item)}` : short(item));
-  return Object.entries(value).map(named).join(", ");
+  if (Object.keys(value).join() === "value,omega") return `${short(value.value)} at ω = ${short(value.omega)}`;
+  return Object.entries(value).map(([key, item]) => `${label(key).toLowerCase()} ${short(item)}`).join(", ");
 }
 
 /** @param {Schema} schema @param {any} value */
@@ -45,10 +43,7 @@ function partOf(schema, value) {
   return s.variants ? { ...s, ...variantOf(s.variants, value) } : s;
 }
 
-/**
- * @param {any} value @param {Schema} schema @param {string} name @param {number} [level] of its heading
- * @returns {HTMLElement}
- */
+/** @type {(value: any, schema: Schema, name: string, level?: number) => HTMLElement} */
 export function record(value, schema, name, level = 2) {
   const s = partOf(schema, value);
   if (Array.isArray(value)) return list(value, s, name, level);
@@ -62,7 +57,7 @@ export function record(value, schema, name, level = 2) {
   return h("section", { class: level === 2 ? "card" : "part" }, heading, members(value, s, level));
 }
 
-/** @param {any} value @param {Schema} s @param {number} level */
+/** @param {any} value @param {Schema} s @param {number} level of the heading above */
 function members(value, s, level) {
   const entries = Object.entries(value)
     .filter(([, item]) => item !== null && item.length !== 0)
@@ -71,17 +66,17 @@ function members(value, s, level) {
   const terms = entries.filter(({ item }) => isShort(item)).map(({ key, item, s: part }) =>
     h("div", { class: String(item).length > TEXT && typeof item === "string" ? "text" : "" }, h("dt", {}, label(key)),
       h("dd", {}, short(item), " ", unitTag(part["x-unit"])),
-      part.description ? h("dd", { class: "help" }, part.description) : null));
+      part.description && h("dd", { class: "help" }, part.description)));
   const rest = entries.filter(({ item }) => !isShort(item) && !isData(item));
   const filed = long.map(({ key, item }) => `${label(key).toLowerCase()} (${item.length} values)`).join(", ");
   return [
     terms.length > 0 && h("dl", {}, terms),
     ...rest.map(({ key, item, s: part }) => record(item, part, key, level + 1)),
-    long.length > 0 && h("p", { class: "help" }, `In the file: ${filed}.`),
+    long.length > 0 && help(`In the file: ${filed}.`),
   ];
 }
 
-/** @param {any[]} items @param {Schema} s @param {string} name @param {number} level @returns {HTMLElement} */
+/** @type {(items: any[], s: Schema, name: string, level: number) => HTMLElement} */
 function list(items, s, name, level) {
   if (items.every((item) => typeof item === "string")) return h("ul", {}, items.map((item) => h("li", {}, item)));
   const item = partOf(s.items ?? {}, items[0]);
@@ -97,10 +92,7 @@ function list(items, s, name, level) {
       isShort(entry) ? short(entry) : members(entry, item, level - 1)))));
 }
 
-/**
- * Things of one kind, a row each.
- * @param {string} name @param {string[]} heads @param {any[]} items @param {Schema} s
- */
+/** Things of one kind, a row each. @type {(name: string, heads: string[], items: any[], s: Schema) => HTMLElement} */
 function sheet(name, heads, items, s) {
   const keys = Object.keys(items[0]).filter((key) => items.some((item) => item[key] !== null));
   const columns = keys.map((key) => h("span", {}, label(key), " ", unitTag(s.properties?.[key]?.["x-unit"])));
@@ -110,13 +102,13 @@ function sheet(name, heads, items, s) {
 
 /** @param {any[]} items @param {HTMLElement} node the first of them */
 const first = (items, node) => h("div", { class: "part" }, node,
-  items.length > LONG && h("p", { class: "help" }, `${items.length - LONG} more in the file.`));
+  items.length > LONG && help(`${items.length - LONG} more in the file.`));
 
 /** What a request asks for, in a line. @param {any} request */
 export function summary(request) {
   const { plant, controller, objective, performance } = request;
   const { kind, n, elements, time_constant, interaction } = plant;
-  const size = kind === "matrix" ? `${elements.length} × ${elements.length} plant` : `${n} units`;
+  const size = kind === "matrix" ? `${elements.length} × ${elements.length} plant` : `${n} unit${n > 1 ? "s" : ""}`;
   const lag = kind === "first_order" ? `, τ = ${number(time_constant)}, a = ${number(interaction)}` : "";
   const aim = objective === "mu" ? `least μ at τₚ = ${number(performance.tau_p)}` : "least τₚ";
   return { title: `${size}${lag}`, aim: `${controller.kind} ${option(controller.arrangement).toLowerCase()}, ${aim}` };

@@ -1,18 +1,22 @@
 /** The result of a tuning: what to set, what it achieves, how sure that is. */
 
 import { request } from "./api.js";
-import { button, copy, download, h, put, table } from "./dom.js";
+import { button, card, copy, download, h, help, link, put, table } from "./dom.js";
 import { segments } from "./fields.js";
 import { figuresOf, inUnit, showFigures } from "./figures.js";
-import { duration, label, number, timeUnit, unitTag, unitText } from "./format.js";
-import { analyses, exists, operation, resolve } from "./schema.js";
+import { duration, label, number, sentence, timeUnit, unitTag, unitText } from "./format.js";
+import { analyses, operation, resolve } from "./schema.js";
+import { tradeOff } from "./trade_off.js";
 
-const JOB = "/v1/tunings/{job_id}";
 const FORMS = ["cascade", "ideal", "parallel"];
 const ADVICE = [
   "Permit a larger peak M of the sensitivity, or a longer time constant τₚ.",
   "Reduce the uncertainty: a smaller error ε or a shorter time scale θ, if the plant allows it.",
   "Widen the bounds of the controller's parameters, or use PID.",
+];
+const ADVICE_AT_REST = [
+  "No controller with integral action can do this, whatever its settings: look at the plant.",
+  "Choose other inputs or outputs, or pair them anew; the analysis of interaction tells which.",
 ];
 
 /** @param {HTMLElement} body @param {any} job */
@@ -24,16 +28,13 @@ export function resultView(body, job) {
     h("div", { class: "cards" }, found ? headline(job) : infeasible(result), found && settings(result)),
     result.warnings.length > 0 && h("section", { class: "card warning" }, h("h2", {}, "Look at this twice"),
       h("ul", {}, result.warnings.map((text) => h("li", {}, sentence(text))))),
-    actions(job, found), figures,
+    actions(job, found), figures, found && result.objective === "tau_p" && tradeOff(job),
     h("div", { class: "cards" }, result.certificate && certificate(job), asked(job)));
-  if (exists(`${JOB}/figures`, "get")) showFigures(figures, figuresOf(id), fileName(id));
+  showFigures(figures, figuresOf(id), fileName(id));
 }
 
 /** @param {string} id */
 const fileName = (id) => `mutune-${id.slice(0, 8)}`;
-
-/** @param {string | null} text one that may lack its capital and its full stop */
-const sentence = (text) => (text ?? "").replace(/^./, (letter) => letter.toUpperCase()).replace(/[^.]$/, "$&.");
 
 /** @param {any} job */
 function headline({ result, request: { performance } }) {
@@ -59,22 +60,21 @@ function gain({ comparison: { gain_percent: percent, identical_value: value, ide
 }
 
 /** @param {any} found */
-function peaks(found) {
-  return h("div", { class: "peaks" }, h("h2", {}, "Peaks of μ"),
-    Object.entries(found).map(([name, { value, omega }]) =>
-      h("div", { class: "peak" }, h("span", {}, label(name)),
-        h("meter", { min: 0, max: 1.25, high: 1.0000011, value: value ?? 1.25, "aria-label": label(name) }),
-        h("span", { class: "value" }, value === null ? "–" : value.toFixed(4)),
-        h("span", { class: "help" }, `at ${number(omega, 3)} ${unitText("rad/time")}`))),
-    h("p", { class: "help" }, "At most 1: the demand holds for every plant within the uncertainty."));
-}
+const peaks = (found) => h("div", { class: "peaks" }, h("h2", {}, "Peaks of μ"),
+  Object.entries(found).map(([name, { value, omega }]) =>
+    h("div", { class: "peak" }, h("span", {}, label(name)),
+      h("meter", { min: 0, max: 1.25, high: 1.0000011, value: value ?? 1.25, "aria-label": label(name) }),
+      h("span", { class: "value" }, value === null ? "–" : value.toFixed(4)),
+      h("span", { class: "help" }, `at ${number(omega, 3)} ${unitText("rad/time")}`))),
+  help("At most 1: the demand holds for every plant within the uncertainty."));
 
 /** @param {any} result */
 function infeasible({ reason, omega }) {
-  const where = `The frequency that forbids it: ${number(omega)} ${unitText("rad/time")}.`;
+  const where = omega > 0 && h("p", {}, `The frequency that forbids it: ${number(omega)} ${unitText("rad/time")}.`);
+  const advice = omega === 0 ? ADVICE_AT_REST : ADVICE;
   return h("section", { class: "card hero missed" }, h("h2", {}, "No settings meet this demand"),
-    h("p", {}, sentence(reason)), omega !== null && h("p", {}, where),
-    h("h3", {}, "What to try"), h("ul", {}, ADVICE.map((text) => h("li", {}, text))));
+    h("p", {}, sentence(reason)), where,
+    h("h3", {}, "What to try"), h("ul", {}, advice.map((text) => h("li", {}, text))));
 }
 
 /** Units that share settings, as ranges: 1–3, 5. @param {number[]} group */
@@ -102,7 +102,7 @@ function settings({ loops, groups }) {
   const { node, read } = segments("Form of the controller", FORMS.map(label), 0);
   const schema = resolve(resolve(operation("/v1/controller-forms").output).properties.forms.items);
   const converted = request("POST", "/v1/controller-forms", { body: { loops: groups.map(([first]) => loops[first]) } });
-  const sheet = /** @type {string[][]} */ ([]);
+  let sheet = /** @type {string[][]} */ ([]);
   const show = async () => {
     const form = FORMS[read()];
     const { forms } = await converted;
@@ -111,12 +111,12 @@ function settings({ loops, groups }) {
     const described = resolve(part);
     const keys = Object.keys(described.properties).filter((key) => given.some((one) => one[key]));
     const names = keys.map((key) => [label(key), unitOfSetting(key)].filter(Boolean).join(", "));
-    sheet.splice(0, Infinity, ["Unit", ...names], ...groups.flatMap((group, i) =>
-      group.map((unit) => [String(unit + 1), ...keys.map((key) => String(given[i][key] ?? ""))])));
+    sheet = [["Unit", ...names], ...groups.flatMap((group, i) =>
+      group.map((unit) => [String(unit + 1), ...keys.map((key) => String(given[i][key] ?? ""))]))];
     const rows = groups.map((group, i) => [units(group), ...keys.map((key) => number(given[i][key], 5))]);
     const reasons = forms.filter((one) => !one[form]).map((one) => sentence(one.reason));
     put(place, table("Controller settings", ["", ...names], rows),
-      h("p", { class: "help" }, [described.description, ...new Set(reasons)].join(" ")));
+      help([described.description, ...new Set(reasons)].join(" ")));
   };
   node.addEventListener("change", show);
   show();
@@ -125,45 +125,43 @@ function settings({ loops, groups }) {
     said.textContent = "Copied, all digits.";
   };
   const csv = () => sheet.map((row) => row.map((cell) => `"${cell.replaceAll('"', '""')}"`).join(",")).join("\r\n");
-  return h("section", { class: "card" }, h("h2", {}, "What to set"), node, place, h("div", { class: "buttons" },
+  return card("What to set", node, place, h("div", { class: "buttons" },
     button("Copy table", copyTable), button("CSV", () => download("settings.csv", csv(), "text/csv")), said));
 }
 
 /** @param {any} job @param {boolean} found */
 function actions({ id }, found) {
   const report = async () => {
-    const page = await request("GET", inUnit(`/v1/tunings/${id}/report`, `${JOB}/report`), { text: true });
+    const page = await request("GET", inUnit(`/v1/tunings/${id}/report`), { text: true });
     download(`${fileName(id)}.html`, page, "text/html");
   };
-  const link = button("Copy link", async () => {
+  const share = button("Copy link", async () => {
     await copy(`${location.origin}/#/tunings/${id}?unit=${encodeURIComponent(timeUnit())}`);
-    link.textContent = "Link copied";
+    share.textContent = "Link copied";
   });
-  const further = analyses().filter(({ input }) => resolve(input).properties.plant);
+  // Without settings there is the plant to look at.
+  const further = analyses().map(({ name, input }) => ({ name, needs: resolve(input) }))
+    .filter(({ needs }) => needs.properties.plant && (found || !needs.properties.loops));
   return h("nav", { class: "buttons", "aria-label": "What next" },
-    exists(`${JOB}/report`, "get") && button("Download report", report, "main"),
-    h("a", { class: "button", href: `#/?from=${id}` }, "Change and run again"),
-    h("a", { class: "button", href: `#/compare?a=${id}` }, "Compare"), link,
-    found && [h("span", { class: "help" }, "Look further:"), ...further.map(({ name }) =>
-      h("a", { class: "button quiet", href: `#/analyses/${name}?from=${id}` }, label(name)))]);
+    button("Download report", report, "main"), link("Change and run again", `#/?from=${id}`),
+    link("Compare", `#/compare?a=${id}`), share, h("span", { class: "help" }, "Look further:"),
+    further.map(({ name }) => link(label(name), `#/analyses/${name}?from=${id}`, "quiet")));
 }
 
 /** @param {any} job */
 function certificate({ id, result: { certificate: proof } }) {
   const save = () => download(`${fileName(id)}-certificate.json`, JSON.stringify(proof, null, 1));
-  return h("section", { class: "card" }, h("h2", {}, "Certificate"),
+  return card("Certificate",
     h("p", {}, h("strong", {}, `μ ≤ ${number(proof.gamma, 8)} at every frequency`),
       `, proven on ${proof.intervals.length} intervals from 0 to infinity.`),
-    h("p", { class: "help" }, "Anyone can check it from the file alone: mutune verify FILE."),
-    button("Download certificate", save));
+    help("Anyone can check it from the file alone: mutune verify FILE."), button("Download certificate", save));
 }
 
 /** @param {any} job */
 function asked({ id, request: body, result: { search } }) {
   const text = JSON.stringify(body, null, 2);
   const effort = `${search.starts} starts in ${duration(search.elapsed_seconds)}, seed ${search.seed}`;
-  return h("section", { class: "card" }, h("h2", {}, "What was asked"),
-    h("p", { class: "help" }, `${effort}, ${search.local_optima.length} local optima.`),
+  return card("What was asked", help(`${effort}, ${search.local_optima.length} local optima.`),
     h("details", {}, h("summary", {}, "Request"), h("pre", { tabindex: "0" }, text)),
     button("Download request", () => download(`${fileName(id)}-request.json`, text)));
 }

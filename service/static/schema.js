@@ -2,13 +2,6 @@
 
 import { request } from "./api.js";
 
-/** @typedef {import("./api.js").Fault} Fault */
-/** @typedef {Record<string, any>} Schema JSON schema, or a part of it */
-/**
- * @typedef {{path: string, name: string, summary: string, description: string,
- *   input: Schema, output: Schema}} Operation
- */
-
 /** @type {any} */
 let openapi;
 
@@ -16,31 +9,21 @@ export async function loadSchema() {
   openapi ??= await request("GET", "/openapi.json");
 }
 
-/** @param {string} path @param {string} [method] */
-export const exists = (path, method = "post") => Boolean(openapi.paths[path]?.[method]);
-
-/** @param {string} path @param {string} name of a query parameter */
-export const takes = (path, name, method = "get") =>
-  Boolean(openapi.paths[path]?.[method]?.parameters?.some((p) => p.name === name));
+/** Whether a body can be sent there. @param {string} path */
+export const exists = (path) => Boolean(openapi.paths[path]?.post);
 
 /** @param {string} path @returns {Operation} */
 export function operation(path) {
-  const post = openapi.paths[path].post;
+  const { summary, description, requestBody, responses } = openapi.paths[path].post;
   const schemaOf = (part) => part?.content?.["application/json"]?.schema ?? {};
-  return {
-    path,
-    name: path.split("/").at(-1) ?? "",
-    summary: post.summary,
-    description: post.description,
-    input: schemaOf(post.requestBody),
-    output: schemaOf(post.responses["200"]),
-  };
+  const name = path.split("/").at(-1) ?? "";
+  return { path, name, summary, description, input: schemaOf(requestBody), output: schemaOf(responses["200"]) };
 }
 
-/** @returns {Operation[]} what is answered within the request */
+/** What is answered within the request. */
 export const analyses = () =>
   Object.keys(openapi.paths)
-    .filter((path) => /^\/v1\/[^/]+$/.test(path) && openapi.paths[path].post?.tags?.includes("analyses"))
+    .filter((path) => /^\/v1\/[^/]+$/.test(path) && openapi.paths[path].post?.tags.includes("analyses"))
     .map(operation);
 
 /**
@@ -75,8 +58,7 @@ export function variantOf(variants, value) {
 
 /**
  * A value to begin with: the default, else an example.
- * @param {Schema} schema @param {boolean} [examples] false: leave open what has no default
- * @returns {any}
+ * @param {Schema} schema @param {boolean} [examples] false: leave open what has no default @returns {any}
  */
 export function initial(schema, examples = true) {
   const s = resolve(schema);

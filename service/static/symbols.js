@@ -1,9 +1,7 @@
 /** What was typed, as a formula (MathML). */
 
-import { h, math, scroller } from "./dom.js";
+import { h, math, put, scroller } from "./dom.js";
 import { number } from "./format.js";
-
-/** @typedef {{num: number[], den: number[], dead_time?: number}} TransferFunction */
 
 const mi = (text) => math("mi", {}, text);
 const mo = (text) => math("mo", {}, text);
@@ -28,7 +26,7 @@ function polynomial(coefficients) {
   return row;
 }
 
-/** @param {TransferFunction} tf @returns {Element | null} null while it is incomplete */
+/** @param {any} tf @returns {Element | null} null while it is incomplete */
 function row(tf) {
   if (!isNumbers(tf.num) || !isNumbers(tf.den)) return null;
   const constant = tf.den.length === 1 && tf.den[0] === 1;
@@ -39,51 +37,41 @@ function row(tf) {
   return math("mrow", {}, ratio, math("msup", {}, mi("e"), exponent));
 }
 
-/** @param {(Element | string)[]} parts */
-const formula = (...parts) => math("math", { display: "block" }, math("mrow", {}, parts));
+/** @param {Children} parts */
+const formula = (...parts) => math("math", { display: "block" }, math("mrow", {}, ...parts));
 
-/** @param {any} tf @returns {Element | null} */
-export function transferFunction(tf) {
-  const content = row(tf);
-  return content && formula(content);
-}
+/** @param {any} tf a transfer function; none while it is incomplete */
+export const transferFunction = (tf) => row(tf) && formula(row(tf));
 
 /** @param {Element[][]} cells */
 const matrix = (cells) =>
   math("mtable", {}, cells.map((line) => math("mtr", {}, line.map((cell) => math("mtd", {}, cell)))));
 
-const defined = (name, /** @type {Element} */ content) =>
-  formula(mi(name), mo("("), mi("s"), mo(")"), mo("="), content);
+const defined = (name, /** @type {Child} */ content) => formula(mi(name), mo("("), mi("s"), mo(")"), mo("="), content);
 
-/** The plant of a request, or nothing while it is incomplete. @param {any} plant @returns {HTMLElement} */
+/** The plant of a request, or nothing while it is incomplete. @param {any} plant */
 export function plantFormula(plant) {
   const view = scroller("Formula of the plant", "formula");
-  if (!plant) return view;
   if (plant.kind === "matrix") {
-    const cells = plant.elements.map((/** @type {TransferFunction[]} */ line) => line.map(row));
+    const cells = plant.elements.map((line) => line.map(row));
     const complete = cells.flat().every(Boolean);
-    if (complete && cells.length <= 3) view.append(defined("G", matrix(cells)));
-    else view.append(h("p", {}, `${cells.length} × ${cells.length} transfer functions`));
+    const size = h("p", {}, `${cells.length} × ${cells.length} transfer functions`);
+    put(view, complete && cells.length <= 3 ? defined("G", matrix(cells)) : size);
     return view;
   }
-  const { gain: k, time_constant: tau, interaction: a, dead_time } = plant;
-  const lag = (gain) =>
-    row({ num: [gain], den: tau === 0 ? [1] : [tau, 1], dead_time });
+  const { n, gain: k, time_constant: tau, interaction: a, dead_time } = plant;
+  const lag = (gain) => row({ num: [gain], den: tau === 0 ? [1] : [tau, 1], dead_time });
   const shorthand = plant.kind === "first_order";
   const own = shorthand ? lag(k) : row(plant.process);
   const cross = shorthand ? lag(Number((a * k).toPrecision(12))) : row(plant.interaction);
-  if (!own || !cross || !Number.isInteger(plant.n)) return view;
-  const n = plant.n;
-  const full = (/** @type {number} */ size) => Array.from({ length: size }, (_, r) =>
-    Array.from({ length: size }, (_, c) => mi(r === c ? "g" : "i")));
-  const cells = full(n > 3 ? 4 : n);
+  if (!own || !cross || !Number.isInteger(n)) return view;
+  const line = Array.from({ length: n > 3 ? 4 : n }, (_, i) => i);
+  const cells = line.map((r) => line.map((c) => mi(r === c ? "g" : "i")));
   if (n > 3) {
     for (const k of [0, 1, 3]) [cells[2][k], cells[k][2]] = [mo("⋮"), mo("⋯")];
     cells[2][2] = mo("⋱");
   }
-  view.append(defined("G", matrix(cells)));
-  if (n > 3) view.append(h("p", {}, `${n} × ${n}`));
-  view.append(defined("g", own));
-  if (n > 1) view.append(defined("i", cross));
+  put(view, defined("G", matrix(cells)), n > 3 && h("p", {}, `${n} × ${n}`), defined("g", own),
+    n > 1 && defined("i", cross));
   return view;
 }

@@ -32,7 +32,8 @@ class Service:
 
     def __init__(self, folder: Path, **environment: str) -> None:
         self._folder = folder
-        self._environment = {**os.environ, "MUTUNE_DATA_DIR": str(folder), **environment}
+        ours = {"MUTUNE_DATA_DIR": str(folder), "MUTUNE_WORKERS": "1"}
+        self._environment = {**os.environ, **ours, **environment}
         with socket.socket() as probe:
             probe.bind(("127.0.0.1", 0))
             self._port: int = probe.getsockname()[1]

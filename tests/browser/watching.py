@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from urllib.parse import urlsplit
 
-from playwright.sync_api import BrowserContext, ConsoleMessage, Page, Request
+from playwright.sync_api import BrowserContext, ConsoleMessage, Page, Request, expect
 
 __all__ = ["PATIENCE", "ROOT", "SCREENSHOTS", "Watched"]
 
@@ -66,17 +66,23 @@ class Watched:
         self.page.goto(f"{self.url}/{place}")
         self.page.wait_for_selector("main:not([aria-busy]) h1")
 
+    def wait_for_figures(self) -> None:
+        """Wait until figures have been asked for, and all are drawn."""
+        expect(self.page.locator("figure svg.main-svg").first).to_be_visible()
+        expect(self.page.locator("[aria-busy]")).to_have_count(0)
+        expect(self.page.locator("figure:not(:has(svg.main-svg))")).to_have_count(0)
+
     def inspect(self, name: str) -> None:
         """Check a view for barriers, wide in light and narrow in dark; keep pictures."""
         SCREENSHOTS.mkdir(parents=True, exist_ok=True)
         for scheme, shape, size in (("light", "wide", _DESK), ("dark", "phone", _PHONE)):
-            self.page.emulate_media(color_scheme=scheme)
             self.page.set_viewport_size(size)
+            self.page.emulate_media(color_scheme=scheme)
             self.page.screenshot(path=SCREENSHOTS / f"{name}-{shape}.png", full_page=True)
             self._assert_fits(name)
             self._assert_accessible(f"{name}, {scheme}")
-        self.page.emulate_media(color_scheme="light")
         self.page.set_viewport_size(_DESK)
+        self.page.emulate_media(color_scheme="light")
 
     def _assert_fits(self, name: str) -> None:
         wide = self.page.evaluate("document.documentElement.scrollWidth - innerWidth")

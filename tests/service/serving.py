@@ -16,7 +16,9 @@ from fastapi import FastAPI
 @contextmanager
 def served(app: FastAPI) -> Iterator[httpx.Client]:
     """Serve `app` and yield a client of it."""
-    with socket.socket() as listening:
+    # With the protocol named asyncio turns off Nagle's algorithm, as it does in `mutune serve`;
+    # without it every answer takes 40 ms longer.
+    with socket.socket(proto=socket.IPPROTO_TCP) as listening:
         listening.bind(("127.0.0.1", 0))
         port = listening.getsockname()[1]
         server = uvicorn.Server(uvicorn.Config(app, log_config=None))
