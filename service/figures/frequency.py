@@ -21,6 +21,7 @@ from solver.blocks import group_loops
 from solver.controllers import Controller
 from solver.errors import InvalidInputError
 from solver.margins import loop_transfer
+from solver.mu.worst_case import worst_case
 from solver.plants import Plant
 from solver.robustness import LoopAnalysis
 from solver.stability import is_stable
@@ -64,7 +65,12 @@ def mu(
     panels = Panels(
         "Robustness: μ over frequency",
         f"Robust performance peaks at μ = {number(peak.value)} at ω = {number(peak.omega)}; up to "
-        "1 the demand is met for every plant in the uncertainty set. Marks: the active peaks.",
+        "1 the demand is met for every plant in the uncertainty set. Marks: the active peaks"
+        + (
+            "."
+            if lower_bound is None
+            else "; triangle: the lower bound, which shows how exact μ is."
+        ),
     )
     for index, (name, field, symbol) in enumerate(_CURVES):
         style = line(index)
@@ -115,7 +121,20 @@ def tuned_mu(tuned: Tuned) -> go.Figure:
     if tuned.identical:
         analysis = _analysis(tuned, tuned.identical)
         identical = DrawnCurves.of(analysis.curves(np.array(curves.omega)))
-    return mu(curves, peaks, identical=identical, unit=tuned.unit)
+    lower_bound = _lower_bound(tuned, peaks.robust_performance.omega)
+    return mu(curves, peaks, lower_bound=lower_bound, identical=identical, unit=tuned.unit)
+
+
+def _lower_bound(tuned: Tuned, omega: float | None) -> Peak | None:
+    """Return the lower bound of mu at the frequency of the peak, which shows the bounds' gap."""
+    if omega is None or omega <= 0:  # no perturbation is sought at steady state
+        return None
+    analysis, top = _analysis(tuned, tuned.loops), np.array([omega])
+    worst = worst_case(
+        analysis.blocks, analysis.controllers, tuned.uncertainty, tuned.performance,
+        omega=top, scales=analysis.scales(top),
+    )  # fmt: skip
+    return Peak(value=worst.mu, omega=worst.omega)
 
 
 def controllers(tuned: Tuned) -> go.Figure:

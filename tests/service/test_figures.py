@@ -91,6 +91,13 @@ def test_identical_settings_fail_the_demand_of_independent_ones(drawn: TuningFig
     assert max(curve.y) > 1.1
 
 
+def test_bounds_of_two_loops_meet_at_the_peak(drawn: TuningFigures) -> None:
+    """The figure of a tuning marks the lower bound; for two loops it is mu itself."""
+    (mark,) = traces(drawn.figures["mu"], "lower bound of the peak", "markers")
+    (peaks,) = traces(drawn.figures["mu"], "robust performance", "markers")
+    assert (mark.x, mark.y) == (peaks.x[:1], pytest.approx(peaks.y[:1], rel=1e-5))
+
+
 def test_lower_bound_stands_at_the_peak() -> None:
     """A lower bound is a mark of its own; curves that do not exist are gaps."""
     curves = DrawnCurves(
