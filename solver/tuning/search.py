@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.stats import qmc
 
 from solver.blocks import reduce
 from solver.frequencies import corners, grid, resonances
@@ -127,10 +126,17 @@ class GroupingSearch:
         return max(4, STARTS_PER_PARAMETER * self.box.low.size)
 
     def starts(self, count: int) -> NDArray[np.float64]:
-        """Return starting points (count, m), well spread over the box, that the seed fixes."""
-        sampler = qmc.Sobol(self.box.low.size, seed=self.specification.seed)
-        unit = sampler.random_base2(max(0, math.ceil(math.log2(count))))[:count]
-        return np.asarray(qmc.scale(unit, self.box.low, self.box.high))
+        """Return starting points (count, m), well spread over the box, that the seed fixes.
+
+        Multiples of powers of the generalised golden ratio, modulo 1 (Roberts 2018).
+        """
+        size = self.box.low.size
+        ratio = 1.0
+        for _ in range(60):
+            ratio = (1 + ratio) ** (1 / (size + 1))
+        first = np.random.default_rng(self.specification.seed).random(size)
+        steps = np.arange(1, count + 1)[:, None] * ratio ** -np.arange(1.0, size + 1)
+        return np.asarray(self.box.low + (first + steps) % 1 * (self.box.high - self.box.low))
 
     def descend(self, theta: NDArray[np.float64]) -> Evaluation | None:
         """Return the local optimum below one start; None if it leads to no feasible settings."""
