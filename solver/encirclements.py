@@ -43,6 +43,10 @@ class Batch:
         Frequencies that resolve lightly damped dynamics.
     dead_time, biproper : bool
         Whether any of L has dead time, and whether any does not vanish at infinity.
+    integrators : (loops,) int, or int
+        At least so many poles has det(I + L) at s = 0, those of the integrating controllers. A
+        very weak direction shows its own far below all corners only, and there its closed-loop
+        pole is; what never shows stays there, a closed-loop pole at s = 0.
 
     """
 
@@ -51,6 +55,7 @@ class Batch:
     resonances: NDArray[np.float64]
     dead_time: bool
     biproper: bool
+    integrators: NDArray[np.int64] | int = 0
 
     def determinant(self, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
         """det(I + L) at `omega` (k,), (k, loops)."""
@@ -71,7 +76,8 @@ def count_unstable(batch: Batch) -> NDArray[np.int64]:
     # From 0+ to the first point, and from the last one to infinity, by the known limits.
     turned += np.angle(np.where(start.real > 0, start, -start))
     turned -= _last_turn(batch, high)
-    count = np.round(order / 2 - turned / math.pi).astype(int)
+    hidden = np.maximum(batch.integrators - order, 0)
+    count = np.round(order / 2 - turned / math.pi + hidden).astype(int)
     return np.where(lost, np.maximum(count, 1), count)
 
 
@@ -85,7 +91,8 @@ def _low_end(
         slope = np.log2(np.abs(below) / np.abs(here))
         order = np.round(slope)
         rest = here * (1j * omega) ** order
-        if np.all((np.abs(slope - order) < 0.01) & (np.abs(rest.imag) < 0.05 * np.abs(rest.real))):
+        at_limit = np.abs(rest.imag) < 0.05 * np.abs(rest.real)
+        if np.all((np.abs(slope - order) < 0.01) & at_limit & (order >= batch.integrators)):
             break
         omega /= 10
     return omega, order, rest

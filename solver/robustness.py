@@ -41,6 +41,8 @@ __all__ = ["LoopAnalysis", "analyse"]
 PROVEN_ABOVE = 1 + 2e-4  # level of a certificate over the peak; a touch cannot be proven
 POINTS_PER_DECADE = 24
 MAX_FREQUENCIES = 10_000
+FLAT = 1e-8  # relative change over two decades below which mu is at its limit for omega -> 0
+LOWEST = 1e-18  # of the lowest bend: slower directions are singular to working accuracy
 
 
 @dataclass(frozen=True)
@@ -70,9 +72,13 @@ class LoopAnalysis:
         bends = corners(plant, self.uncertainty, self.controllers)
         assert self.performance.tau_p is not None  # noqa: S101 - for the type checker
         bends = np.append(bends, 1 / self.performance.tau_p)
-        return grid(
-            1e-4 * bends.min(), 1e2 * bends.max(), POINTS_PER_DECADE, [resonances(plant), bends]
-        )
+        low = 1e-4 * float(bends.min())
+        # A weak direction, whose gain is far below that of the others, is slower than any bend.
+        here, below = self.robust_performance(np.array([low, 0.01 * low]))
+        while below > here * (1 + FLAT) and low > LOWEST * float(bends.min()):
+            low *= 0.01
+            here, below = below, self.robust_performance(np.array([0.01 * low]))[0]
+        return grid(low, 1e2 * bends.max(), POINTS_PER_DECADE, [resonances(plant), bends])
 
     def scales(
         self, omega: NDArray[np.float64], *, stability_only: bool = False

@@ -16,6 +16,7 @@ from solver.encirclements import Batch, count_unstable
 from solver.errors import UnsupportedPlantError
 from solver.frequencies import corners, resonances
 from solver.plants import ParallelPlant
+from solver.singular import matrix_origin_poles, parallel_origin_poles
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -85,7 +86,8 @@ def unstable_poles(plant: Plant, loops: Sequence[Controller]) -> int:
     -------
     int
         0 for a stable loop. `INFINITELY_MANY` for dead time with a direct feedthrough gain of 1
-        or more, which no real plant has. A pole on the axis counts as unstable.
+        or more, which no real plant has. A pole on the axis counts as unstable. With a singular
+        static gain the controllers' integrators that cannot act are counted, and nothing else.
 
     Raises
     ------
@@ -100,13 +102,19 @@ def unstable_poles(plant: Plant, loops: Sequence[Controller]) -> int:
     bends = corners(plant, loops=controllers)
     if neutral_gain(blocks, controllers) >= 1:
         return INFINITELY_MANY
+    if isinstance(plant, ParallelPlant):
+        at_origin = parallel_origin_poles(plant, np.array([plant.n]))[0]
+    else:
+        at_origin = matrix_origin_poles(plant, np.ones((1, plant.n), dtype=bool))[0]
+    if at_origin:
+        return int(at_origin)
     total = 0
     for index, block in enumerate(blocks.blocks):
 
         def loop_gain(omega: NDArray[np.float64], index: int = index) -> NDArray[np.complex128]:
             return _loop_gain(blocks, controllers, omega, index)[:, None]
 
-        batch = Batch(loop_gain, bends, resonances(plant), *character(plant))
+        batch = Batch(loop_gain, bends, resonances(plant), *character(plant), block.size)
         total += block.multiplicity * int(count_unstable(batch)[0])
     return total
 

@@ -14,6 +14,7 @@ import numpy as np
 from solver.encirclements import Batch, count_unstable
 from solver.frequencies import corners, resonances
 from solver.plants import ParallelPlant
+from solver.singular import matrix_origin_poles, parallel_origin_poles
 from solver.stability import INFINITELY_MANY, character, require_supported
 
 if TYPE_CHECKING:
@@ -61,20 +62,33 @@ class Subsets:
         size = len(self.controllers)
         step = max(MAX_ENTRIES // (1000 * size * size), 1)  # some 1000 frequencies
         chunks = [self.counts[first : first + step] for first in range(0, len(self.counts), step)]
-        found = np.concatenate([self._unstable(self._means(counts)) for counts in chunks])
+        at_origin = self._origin_poles()
+        integrators = np.where(at_origin > 0, 0, np.count_nonzero(self.counts, axis=1))
+        found = np.concatenate(
+            [
+                self._unstable(self._means(counts), integrators[first : first + step])
+                for first, counts in zip(range(0, len(self.counts), step), chunks, strict=True)
+            ]
+        )
         if isinstance(self.plant, ParallelPlant):
             # m units under one controller have m - 1 equal modes of their differences.
             alike = np.maximum(self.counts - 1, 0).astype(int)
             used = np.asarray(alike.any(axis=0))
             if used.any():
-                differences = self._unstable(self._differences(used))
+                differences = self._unstable(self._differences(used), np.array(1))
                 found = found + (alike[:, used] * differences).sum(axis=1)
-        return found
+        return np.where(at_origin > 0, at_origin, found)
 
-    def _unstable(self, loop_gain: LoopGain) -> NDArray[np.int64]:
+    def _origin_poles(self) -> NDArray[np.int64]:
+        """Count the poles at s = 0 that a singular static gain leaves in each subset."""
+        if isinstance(self.plant, ParallelPlant):
+            return parallel_origin_poles(self.plant, self.counts.sum(axis=1).astype(np.int64))
+        return matrix_origin_poles(self.plant, self.counts > 0)
+
+    def _unstable(self, loop_gain: LoopGain, integrators: NDArray[np.int64]) -> NDArray[np.int64]:
         bends = corners(self.plant, loops=self.controllers)
         dead_time, biproper = character(self.plant)
-        batch = Batch(loop_gain, bends, resonances(self.plant), dead_time, biproper)
+        batch = Batch(loop_gain, bends, resonances(self.plant), dead_time, biproper, integrators)
         found = count_unstable(batch)
         if dead_time and biproper:
             far = np.abs(loop_gain(np.array([1e9 * bends[-1]]))[0])

@@ -7,7 +7,7 @@ from pathlib import Path
 from service.cli.analysis import answer
 from service.cli.outcomes import ExitCode, reported
 from service.cli.tables import robustness_table
-from service.routes.robustness import compute
+from service.computing import robustness
 from service.schemas import RobustnessRequest, RobustnessResult
 
 __all__ = ["analyse_file"]
@@ -31,5 +31,5 @@ def analyse_file(path: Path, *, as_json: bool) -> ExitCode:
 
     """
     return answer(
-        path, RobustnessRequest, compute, RobustnessResult, robustness_table, as_json=as_json
+        path, RobustnessRequest, robustness, RobustnessResult, robustness_table, as_json=as_json
     )

@@ -99,7 +99,7 @@ class Panels:
         self._traces.append({"xaxis": _name("x", row), "yaxis": _name("y", row)} | trace)
 
     def level(self, value: float, text: str, *, row: int = 1) -> None:
-        """Draw a horizontal line at `value`, its meaning at its left end.
+        """Draw a horizontal line at `value`, its meaning at its right end.
 
         A logarithmic axis must have been set as such before.
         """
@@ -111,8 +111,8 @@ class Panels:
         log = self._layout[_name("yaxis", row)].get("type") == "log"
         self._layout["annotations"].append(
             {
-                "text": text, "x": 0, "y": math.log10(value) if log else value,
-                "showarrow": False, "xanchor": "left", "yanchor": "bottom",
+                "text": text, "x": 1, "y": math.log10(value) if log else value,
+                "showarrow": False, "xanchor": "right", "yanchor": "bottom",
                 "font": {"color": NEUTRAL, "size": 12},
             } | place
         )  # fmt: skip

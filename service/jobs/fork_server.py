@@ -1,4 +1,6 @@
-"""What the server that workers are forked from imports: the service, with its kernels compiled.
+"""What the server that workers are forked from imports: what computes, with its kernels compiled.
+
+Neither HTTP nor the database: what is here is in memory a second time beside the service itself.
 
 The import itself does the compiling: that is the one thing that Python's fork server can be
 told to do, and every process forked from it is then ready at once.
@@ -6,7 +8,9 @@ told to do, and every process forked from it is then ready at once.
 
 import gc
 
-import service.app  # noqa: F401 - imported for the processes forked later
+import service.analyses
+import service.computing
+import service.jobs.work  # noqa: F401 - all imported for the processes forked later
 from solver.warm import warm
 
 __all__: list[str] = []

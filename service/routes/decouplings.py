@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from fastapi import APIRouter, Request, Response
 
+from service import computing
 from service.bodies import described_body
 from service.routes.common import BODY_PROBLEMS, analysis, described, problems
-from service.schemas.decouplings import DecouplingRequest, DecouplingResult, decoupling_to_json
-from solver.interaction.decoupling import decouple
+from service.schemas.decouplings import DecouplingRequest, DecouplingResult
 
-__all__ = ["compute", "router"]
+__all__ = ["router"]
 
 router = APIRouter(tags=["analyses"])
 
@@ -27,9 +25,4 @@ router = APIRouter(tags=["analyses"])
 )
 async def post_decoupling(request: Request) -> Response:
     """Return a static decoupler, PI settings with the greatest integral gain, and responses."""
-    return await analysis(request, DecouplingRequest, compute)
-
-
-def compute(request: DecouplingRequest) -> dict[str, Any]:
-    """Return the decoupling of the request's plant as JSON values."""
-    return decoupling_to_json(decouple(request.build()))
+    return await analysis(request, DecouplingRequest, computing.decoupling)

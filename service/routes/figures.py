@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import asyncio
 import json
-from datetime import UTC, datetime
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
 from fastapi.responses import HTMLResponse
 
-from service import bodies
+from service import bodies, computing
 from service.jobs.records import Job
 from service.problems import ConflictError
 from service.routes.common import BODY_PROBLEMS, described, json_response, problems
@@ -26,7 +25,6 @@ from service.schemas.drawn import (
 )
 from service.schemas.figures import FiguresResult
 from service.schemas.trade_off import TradeOff
-from service.tuned import Tuned
 from service.wording import TIME_UNIT
 
 __all__ = ["Unit", "finished", "router"]
@@ -55,7 +53,9 @@ _RESULT: dict[int | str, dict[str, Any]] = {200: described(FiguresResult, "The f
 async def get_figures(request: Request, job_id: JobId, unit: Unit = TIME_UNIT) -> Response:
     """Return everything that the result of a tuning has to show."""
     job = await finished(request, job_id)
-    drawn = await request.app.state.analyses.run(_draw_tuning, job.request, job.result, unit)
+    drawn = await request.app.state.analyses.run(
+        computing.figures_of_tuning, job.request, job.result, unit
+    )
     return json_response(drawn)
 
 
@@ -75,7 +75,9 @@ async def get_figures(request: Request, job_id: JobId, unit: Unit = TIME_UNIT) -
 async def get_report(request: Request, job_id: JobId, unit: Unit = TIME_UNIT) -> Response:
     """Return inputs, settings, figures and proof of a tuning, to print, sign and file."""
     job = await finished(request, job_id)
-    answer = await request.app.state.analyses.run(_report, job.request, job.result, unit, job.id)
+    answer = await request.app.state.analyses.run(
+        computing.report, job.request, job.result, unit, job.id
+    )
     document = await asyncio.to_thread(json.loads, answer)
     return HTMLResponse(
         document["html"],
@@ -107,7 +109,7 @@ def _add(kind: str, model: type[Drawn], title: str) -> None:
 
     async def post_figures(request: Request, unit: Unit = TIME_UNIT) -> Response:
         body = await bodies.read(request, model)
-        return json_response(await request.app.state.analyses.run(_draw, body, unit))
+        return json_response(await request.app.state.analyses.run(computing.figures, body, unit))
 
     router.add_api_route(
         f"/v1/figures/{kind}",
@@ -129,23 +131,3 @@ _add("relay-experiments", DrawnRelayExperiment, "a relay experiment")
 _add("decouplings", DrawnDecoupling, "a decoupling")
 _add("parallel-drives", DrawnParallelDrives, "parallel drives")
 _add("trade-offs", TradeOff, "a trade-off")
-
-
-# Plotly is imported only where it draws, in the processes of the analyses.
-def _draw_tuning(request: str, result: str, unit: str) -> dict[str, Any]:
-    from service.figures.answers import draw_tuning  # noqa: PLC0415
-
-    return draw_tuning(request, result, unit)
-
-
-def _report(request: str, result: str, unit: str, job: str) -> dict[str, Any]:
-    from service.report import POLICY, report_html  # noqa: PLC0415
-
-    tuned = Tuned.from_json(request, result, unit)
-    return {"html": report_html(tuned, datetime.now(UTC), job), "policy": POLICY}
-
-
-def _draw(result: Drawn, unit: str) -> dict[str, Any]:
-    from service.figures.answers import draw  # noqa: PLC0415
-
-    return draw(result, unit)

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from fastapi import APIRouter, Request, Response
 
-import solver.integrity
+from service import computing
 from service.bodies import described_body
 from service.routes.common import BODY_PROBLEMS, analysis, described, problems
-from service.schemas.integrity import IntegrityRequest, IntegrityResult, integrity_to_json
+from service.schemas.integrity import IntegrityRequest, IntegrityResult
 
 __all__ = ["router"]
 
@@ -24,12 +22,4 @@ router = APIRouter(tags=["analyses"])
 )
 async def post_integrity(request: Request) -> Response:
     """Return stability and robustness with every set of loops in service, others in manual."""
-    return await analysis(request, IntegrityRequest, compute)
-
-
-def compute(request: IntegrityRequest) -> dict[str, Any]:
-    """Return the integrity of the request's loops as JSON values."""
-    task = request.build()
-    return integrity_to_json(
-        solver.integrity.integrity(task.plant, task.uncertainty, task.performance, task.loops)
-    )
+    return await analysis(request, IntegrityRequest, computing.integrity)

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from fastapi import APIRouter, Request, Response
 
+from service import computing
 from service.bodies import described_body
 from service.routes.common import BODY_PROBLEMS, analysis, described, problems
 from service.schemas.parallel_drives import (
     ParallelDrivesRequest,
     ParallelDrivesResult,
-    parallel_drives_to_json,
 )
-from solver.interaction.drive_simulation import simulate_drives
-from solver.interaction.parallel_drives import analyse_drives
 
-__all__ = ["compute", "router"]
+__all__ = ["router"]
 
 router = APIRouter(tags=["analyses"])
 
@@ -32,10 +28,4 @@ router = APIRouter(tags=["analyses"])
 )
 async def post_parallel_drives(request: Request) -> Response:
     """Return the integrator modes that are free, what mends them, and both in simulation."""
-    return await analysis(request, ParallelDrivesRequest, compute)
-
-
-def compute(request: ParallelDrivesRequest) -> dict[str, Any]:
-    """Return the analysis of the request's units as JSON values."""
-    experiment = request.build()
-    return parallel_drives_to_json(analyse_drives(experiment.system), simulate_drives(experiment))
+    return await analysis(request, ParallelDrivesRequest, computing.parallel_drives)

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from fastapi import APIRouter, Request, Response
 
-import solver.relay
+from service import computing
 from service.bodies import described_body
 from service.routes.common import BODY_PROBLEMS, analysis, described, problems
 from service.schemas.relay_experiments import (
     RelayExperimentRequest,
     RelayExperimentResult,
-    relay_experiment_to_json,
 )
 
-__all__ = ["compute", "router"]
+__all__ = ["router"]
 
 router = APIRouter(tags=["analyses"])
 
@@ -31,9 +28,4 @@ router = APIRouter(tags=["analyses"])
 )
 async def post_relay_experiment(request: Request) -> Response:
     """Return the oscillation under relay feedback, what it means, and what theory says of it."""
-    return await analysis(request, RelayExperimentRequest, compute)
-
-
-def compute(request: RelayExperimentRequest) -> dict[str, Any]:
-    """Return the outcome of the request's experiment as JSON values."""
-    return relay_experiment_to_json(solver.relay.relay_experiment(request.build()))
+    return await analysis(request, RelayExperimentRequest, computing.relay_experiment)

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from fastapi import APIRouter, Request, Response
 
-import solver.robustness
+from service import computing
 from service.bodies import described_body
 from service.routes.common import BODY_PROBLEMS, analysis, described, problems
-from service.schemas import RobustnessRequest, RobustnessResult, robustness_to_json
+from service.schemas import RobustnessRequest, RobustnessResult
 
 __all__ = ["router"]
 
@@ -24,19 +22,4 @@ router = APIRouter(tags=["analyses"])
 )
 async def post_robustness(request: Request) -> Response:
     """Return stability, the peaks and curves of mu, and a worst case, of given settings."""
-    return await analysis(request, RobustnessRequest, compute)
-
-
-def compute(request: RobustnessRequest) -> dict[str, Any]:
-    """Return the robustness of the request's loops as JSON values."""
-    task = request.build()
-    return robustness_to_json(
-        solver.robustness.analyse(
-            task.plant,
-            task.uncertainty,
-            task.performance,
-            task.loops,
-            task.omega,
-            certificate=task.certificate,
-        )
-    )
+    return await analysis(request, RobustnessRequest, computing.robustness)

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from fastapi import APIRouter, Request, Response
 
+from service import computing
 from service.bodies import described_body
 from service.routes.common import BODY_PROBLEMS, analysis, described, problems
 from service.schemas.step_responses import (
     StepResponseRequest,
     StepResponseResult,
-    step_response_to_json,
 )
 
-__all__ = ["compute", "router"]
+__all__ = ["router"]
 
 router = APIRouter(tags=["analyses"])
 
@@ -30,9 +28,4 @@ router = APIRouter(tags=["analyses"])
 )
 async def post_step_response(request: Request) -> Response:
     """Return how a plant and its loops move after steps, dead time exact."""
-    return await analysis(request, StepResponseRequest, compute)
-
-
-def compute(request: StepResponseRequest) -> dict[str, Any]:
-    """Return the responses that the request asks for as JSON values."""
-    return step_response_to_json(request.build().simulate())
+    return await analysis(request, StepResponseRequest, computing.step_response)

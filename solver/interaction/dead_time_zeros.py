@@ -14,8 +14,8 @@ import numpy as np
 
 from solver.frequencies import corners_of
 from solver.interaction.rational_matrix import Root
-from solver.interaction.relative_gain import is_singular
 from solver.interaction.zero_search import Box, zeros_in_box
+from solver.singular import is_singular
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

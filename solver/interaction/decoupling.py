@@ -18,10 +18,11 @@ from solver.frequencies import corners_of
 from solver.interaction.decoupled_loops import DecoupledLoops
 from solver.interaction.loop_shape import RobustnessLimits
 from solver.interaction.pi_design import DesignStatus, PIDesign, design_pi
-from solver.interaction.relative_gain import is_singular, relative_gain_array, relative_gain_at
+from solver.interaction.relative_gain import relative_gain_array, relative_gain_at
 from solver.interaction.sampling import dense_frequencies
 from solver.interaction.weighted_sum import WeightedSum
 from solver.plants import MAX_MATRIX_SIZE, ParallelPlant
+from solver.singular import is_singular
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.optimize import linprog
 
-from solver.interaction.relative_gain import is_singular
+from solver.singular import is_singular
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from solver.errors import InvalidInputError
 from solver.interaction.parallel_matrix import ParallelMatrix
+from solver.singular import SINGULAR_CONDITION, equilibrate, has_empty_line, is_singular
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -25,18 +26,11 @@ if TYPE_CHECKING:
 __all__ = [
     "GainStatus",
     "LowFrequencyGain",
-    "is_singular",
     "low_frequency_gain",
     "parallel_low_frequency_gain",
     "relative_gain_array",
     "relative_gain_at",
 ]
-
-# Elements of the array grow with the condition number of the equilibrated gain; beyond this one
-# fewer than three digits of them would be left.
-SINGULAR_CONDITION = 1e13
-
-_Number = TypeVar("_Number", bound=np.inexact[Any])
 
 
 class GainStatus(StrEnum):
@@ -109,7 +103,7 @@ def relative_gain_array(gain: ArrayLike) -> NDArray[np.float64]:
     if is_singular(P):
         message = "the gain is singular: its relative gain array does not exist"
         raise InvalidInputError(message)
-    core = _equilibrate(P)  # scaling leaves the array as it is and the inverse accurate
+    core = equilibrate(P)  # scaling leaves the array as it is and the inverse accurate
     gains = core * np.linalg.inv(core).T
     # An element that is zero but for rounding must not pass for a positive one.
     noise = len(gains) * np.finfo(float).eps * np.max(np.abs(gains)) ** 2
@@ -129,19 +123,12 @@ def relative_gain_at(response: NDArray[np.complex128]) -> NDArray[np.complex128]
 
     """
     result = np.full(response.shape, complex(np.nan, np.nan))
-    usable = np.all(np.isfinite(response), axis=(1, 2)) & ~_has_empty_line(response)
-    core = _equilibrate(response[usable])
+    usable = np.all(np.isfinite(response), axis=(1, 2)) & ~has_empty_line(response)
+    core = equilibrate(response[usable])
     regular = np.linalg.cond(core) <= SINGULAR_CONDITION
     core = core[regular]
     result[np.flatnonzero(usable)[regular]] = core * np.linalg.inv(core).transpose(0, 2, 1)
     return result
-
-
-def is_singular(matrix: NDArray[np.inexact[Any]]) -> bool:
-    """Whether the square matrix is singular to working accuracy, units of its signals apart."""
-    if _has_empty_line(matrix):
-        return True
-    return bool(np.linalg.cond(_equilibrate(matrix)) > SINGULAR_CONDITION)
 
 
 def low_frequency_gain(plant: Plant) -> LowFrequencyGain:
@@ -230,21 +217,3 @@ def _dual_powers(
         columns = np.minimum(columns, np.min(cost - rows[:, None], axis=0))
     rows = matched - columns[column_of]
     return rows.astype(np.int64), columns
-
-
-def _has_empty_line(matrices: NDArray[np.inexact[Any]]) -> NDArray[np.bool_]:
-    """Whether a row or column of each matrix (..., n, n) is zero."""
-    present = matrices != 0
-    filled = np.all(np.any(present, axis=-1), axis=-1) & np.all(np.any(present, axis=-2), axis=-1)
-    return np.asarray(~filled)
-
-
-def _equilibrate(matrices: NDArray[_Number]) -> NDArray[_Number]:
-    """Scale rows and columns to magnitude one (Ruiz 2001, infinity norm); none may be zero."""
-    core = matrices
-    # A round halves the distance to one in logarithm: 2^-12 of 24 decades is a factor 1.01.
-    for _ in range(12):
-        row = np.sqrt(np.max(np.abs(core), axis=-1, keepdims=True))
-        column = np.sqrt(np.max(np.abs(core), axis=-2, keepdims=True))
-        core = cast("NDArray[_Number]", core / row / column)
-    return core

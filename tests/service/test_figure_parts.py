@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from service import figures
+from service.computing import parallel_drives as simulate_drives
 from service.figures.style import (
     BACKGROUNDS,
     COLOURS,
@@ -21,7 +22,6 @@ from service.figures.style import (
     numbers,
     template,
 )
-from service.routes.parallel_drives import compute as simulate_drives
 from service.schemas import parse
 from service.schemas.drawn import (
     DrawnClosedLoop,

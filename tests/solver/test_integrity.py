@@ -317,3 +317,15 @@ def test_summary_of_large_numbers() -> None:
     )
     summary = Integrity(((0,), (1,)), classes, None, None).summary
     assert "over 99.9 % stable, over 99.9 % robustly stable, under 0.1 % with" in summary
+
+
+@pytest.mark.parametrize("matrix", [False, True])
+def test_a_singular_set_is_unstable_and_its_parts_are_not(matrix: bool) -> None:
+    """Three units with a = -1/2: together the sum is lost, any two of them are sound."""
+    plant: Plant = first_order(3, 1, 100, -0.5)
+    if matrix:
+        plant = MatrixPlant([[plant.element(r, c) for c in range(3)] for r in range(3)])
+    loops = tuple(Controller(5 + unit, 90) for unit in range(3))
+    found = integrity(plant, DIAGONAL, Performance(tau_p=100.0), loops)
+    stable = {sum(kind.in_service): kind.nominally_stable for kind in found.classes}
+    assert stable == {3: False, 2: True, 1: True}

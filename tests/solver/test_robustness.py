@@ -122,3 +122,13 @@ def test_every_peak_has_a_worst_case_and_a_proof(case):
     assert result.lower_bound.value == pytest.approx(peak, rel=1e-6)
     assert result.certificate.claim.gamma == pytest.approx(peak, rel=3e-4)
     assert check(result.certificate).verdict is Verdict.PROVEN
+
+
+@pytest.mark.parametrize("a", [0.99, 0.9999, 0.999999])
+def test_the_limit_at_low_frequency_of_a_weak_direction_is_reached(a):
+    """Identical loops near a = 1: mu(0) is epsilon + tau_I/(M tau_P k (1 - a)), SLH eq. 31."""
+    loops = (Controller(20, 60),) * 2
+    demand = Performance(tau_p=100)
+    found = analyse(first_order(2, 1, 100, a), Uncertainty.from_error(0.2, 1), demand, loops)
+    limit = 0.2 + 60 / (2 * 100 * 20 * (1 - a))
+    assert found.peaks.robust_performance.value == pytest.approx(limit, rel=3e-8)

@@ -8,7 +8,7 @@ from zoo import ZOO, interactions
 
 from solver.controllers import DERIVATIVE_FILTER, Controller
 from solver.errors import UnsupportedPlantError
-from solver.plants import ParallelPlant, first_order
+from solver.plants import MatrixPlant, ParallelPlant, first_order
 from solver.stability import INFINITELY_MANY, is_stable, unstable_poles
 from solver.transfer_function import TransferFunction
 
@@ -55,9 +55,7 @@ def test_count_equals_the_roots_of_the_characteristic_polynomial(
         den = np.polymul(den, [1, 0.02, 1])
     if integrates:
         den = np.append(den, 0)
-    plant = ParallelPlant(
-        len(settings_), TransferFunction([1.0], den), TransferFunction([a or 0.1], den)
-    )
+    plant = ParallelPlant(len(settings_), TransferFunction([1.0], den), TransferFunction([a], den))
     loops = [Controller(*values) for values in settings_]
     roots = closed_loop_poles(plant, loops)
     if np.abs(roots.real).min() < 1e-6 * np.abs(roots).max():
@@ -83,6 +81,36 @@ def test_many_units_count_each_difference_mode():
     """1 + (g - i) c with a right half plane pole counts n - 1 times."""
     plant = first_order(5, 1, 10, 1.5)
     assert unstable_poles(plant, [Controller(3, 8)] * 5) == 4
+
+
+@pytest.mark.parametrize("excess", [1e-3, 1e-6, 1e-9])
+@pytest.mark.parametrize("gain", [20, 21])
+def test_a_weak_direction_is_followed_to_its_own_frequency(excess, gain):
+    """A = 1 + excess has a pole near excess/3 in the right half plane, a = 1 - excess has none."""
+    loops = [Controller(20, 60), Controller(gain, 60)]
+    assert unstable_poles(first_order(2, 1, 100, 1 + excess), loops) == 1
+    assert unstable_poles(first_order(2, 1, 100, 1 - excess), loops) == 0
+
+
+LAG = TransferFunction([1], [10, 1])
+INTEGRATOR = TransferFunction([1], [1, 0])
+
+
+@pytest.mark.parametrize(
+    ("plant", "count"),
+    [
+        (first_order(2, 1, 100, 1.0), 1),
+        (first_order(5, 1, 100, 1.0), 4),
+        (first_order(4, 1, 100, -1 / 3), 1),
+        (MatrixPlant([[LAG, LAG], [LAG, LAG]]), 1),
+        (ParallelPlant(2, INTEGRATOR, INTEGRATOR), 1),
+    ],
+)
+@pytest.mark.parametrize("different", [0.0, 1.0])
+def test_integrators_that_cannot_act_stay_at_the_origin(plant, count, different):
+    """A singular gain leaves a closed-loop pole at s = 0 for each direction it lacks."""
+    loops = [Controller(2 + different * unit, 60) for unit in range(plant.n)]
+    assert unstable_poles(plant, loops) == count
 
 
 def test_dead_time_with_feedthrough():

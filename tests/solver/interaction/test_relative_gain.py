@@ -8,12 +8,12 @@ from hypothesis import strategies as st
 from solver.errors import InvalidInputError
 from solver.interaction.relative_gain import (
     GainStatus,
-    is_singular,
     low_frequency_gain,
     relative_gain_array,
     relative_gain_at,
 )
 from solver.plants import MatrixPlant
+from solver.singular import is_singular
 from solver.transfer_function import TransferFunction
 
 
