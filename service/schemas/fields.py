@@ -2,7 +2,7 @@
 
 Every numeric field names its unit in the schema extension ``x-unit``: ``time`` is the caller's
 unit of time, ``rad/time`` its angular frequency, ``gain`` is output units over input units,
-``1`` a pure number and ``s`` seconds of computing.
+``1`` a pure number and ``s`` seconds of computing; any other text is itself the unit.
 """
 
 from __future__ import annotations

@@ -37,10 +37,12 @@ class Margins(ResultModel):
         description="Smallest turn of the phase that makes the loop unstable, degrees; null: the "
         "gain never crosses 1.",
         examples=[63.5],
+        json_schema_extra={"x-unit": "°"},
     )
     delay_margin: float | None = Field(
         description="Smallest additional dead time that makes the loop unstable; null: none does.",
         examples=[2.39],
+        json_schema_extra={"x-unit": "time"},
     )
     sensitivity: Peak = Field(
         description="Ms, the peak of |1/(1+L)|.", examples=[{"value": 1.53, "omega": 1.12}]
@@ -51,10 +53,12 @@ class Margins(ResultModel):
     bandwidth: float | None = Field(
         description="Where |1/(1+L)| first reaches 0.707, rad per time unit; null: never.",
         examples=[0.335],
+        json_schema_extra={"x-unit": "rad/time"},
     )
     crossover: float | None = Field(
         description="Highest frequency with |L| = 1, rad per time unit; 0: there is none.",
         examples=[0.463],
+        json_schema_extra={"x-unit": "rad/time"},
     )
 
 

@@ -14,5 +14,7 @@ class Peak(ResultModel):
 
     value: float | None = Field(description="Greatest value.", examples=[1.0])
     omega: float | None = Field(
-        description="Frequency where it is reached, rad per time unit.", examples=[0.0314]
+        description="Frequency where it is reached, rad per time unit.",
+        examples=[0.0314],
+        json_schema_extra={"x-unit": "rad/time"},
     )

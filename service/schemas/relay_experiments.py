@@ -143,9 +143,15 @@ Series = list[float | None]
 class Regime(BaseModel):
     """A stretch of similar periods."""
 
-    start: float = Field(description="Its first switching.", examples=[0.33])
-    end: float = Field(description="Its last switching.", examples=[10.99])
-    period: float = Field(description="Its last period.", examples=[0.61])
+    start: float = Field(
+        description="Its first switching.", examples=[0.33], json_schema_extra={"x-unit": "time"}
+    )
+    end: float = Field(
+        description="Its last switching.", examples=[10.99], json_schema_extra={"x-unit": "time"}
+    )
+    period: float = Field(
+        description="Its last period.", examples=[0.61], json_schema_extra={"x-unit": "time"}
+    )
     switchings: int = Field(description="Switchings in a period.", examples=[2])
 
 
@@ -156,6 +162,7 @@ class UltimatePoint(BaseModel):
     omega: float | None = Field(
         description="omega_u, rad per time unit; the ultimate period is 2 pi/omega_u.",
         examples=[9.44],
+        json_schema_extra={"x-unit": "rad/time"},
     )
 
 
@@ -163,7 +170,11 @@ class Harmonic(BaseModel):
     """First harmonic of an output over that of the relay."""
 
     gain: float | None = Field(description="Magnitude.", examples=[0.0558])
-    phase: float | None = Field(description="Phase, rad, in -2 pi..0.", examples=[-2.98])
+    phase: float | None = Field(
+        description="Phase, rad, in -2 pi..0.",
+        examples=[-2.98],
+        json_schema_extra={"x-unit": "rad"},
+    )
 
 
 class RuleSettings(BaseModel):
@@ -182,7 +193,9 @@ class RuleSettings(BaseModel):
 class LimitCycle(BaseModel):
     """The limit cycle at the end."""
 
-    period: float = Field(description="Its period.", examples=[0.666])
+    period: float = Field(
+        description="Its period.", examples=[0.666], json_schema_extra={"x-unit": "time"}
+    )
     switchings: int = Field(
         description="Switchings in a period; with more than two the gains mean nothing.",
         examples=[2],
@@ -210,7 +223,9 @@ class LimitCycle(BaseModel):
 class PeriodicSolution(BaseModel):
     """A solution of f(h) = eps/d: a candidate for a symmetric oscillation."""
 
-    half_period: float = Field(description="h.", examples=[0.333])
+    half_period: float = Field(
+        description="h.", examples=[0.333], json_schema_extra={"x-unit": "time"}
+    )
     slope: float | None = Field(
         description="Slope of the output at the switching, must be positive; null for a sampled "
         "relay.",

@@ -229,10 +229,12 @@ class SetPointMeasures(BaseModel):
     rise_time: float | None = Field(
         description="From 10 to 90 per cent of the change; null: 90 were not reached.",
         examples=[8.62],
+        json_schema_extra={"x-unit": "time"},
     )
     settling_time: float | None = Field(
         description="Until the error stays within 2 per cent of the change; null: it did not.",
         examples=[78.1],
+        json_schema_extra={"x-unit": "time"},
     )
     overshoot: float | None = Field(
         description="Largest excess over the set point, as a fraction of the change.",

@@ -67,7 +67,11 @@ class PerformancePerturbation(ResultModel):
 class WorstCase(ResultModel):
     """The perturbation that attains the lower bound of the robust performance peak."""
 
-    omega: float = Field(description="Frequency, rad per time unit.", examples=[0.0314])
+    omega: float = Field(
+        description="Frequency, rad per time unit.",
+        examples=[0.0314],
+        json_schema_extra={"x-unit": "rad/time"},
+    )
     mu: float | None = Field(
         description="Lower bound of mu there; the perturbation has the size 1/mu.", examples=[1.0]
     )

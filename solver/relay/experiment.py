@@ -9,7 +9,7 @@ Relay Design Methods to a MIMO-System, TFRT-7506 (1993), whose relay this is, eq
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -163,6 +163,13 @@ def wire(experiment: RelayExperiment) -> RelayWiring:
     ]
     paths = alike(experiment.plant, characters)
     kind = {unit: index for index, units in enumerate(paths.units) for unit in units}
+    if any(element.dead_time for element in experiment.plant.elements):
+        # Without dead time the states behind inputs at rest stay: theorem 2 counts them in W.
+        moving = {experiment.input}
+        moving.update(each.input for each in experiment.loops)
+        moving.update(step.unit for step in experiment.steps)
+        resting = frozenset(range(paths.size)) - {kind[unit] for unit in moving}
+        paths = replace(paths, resting=resting)
     distribution = np.zeros((paths.size, paths.size))
     loops: list[Loop | None] = [None] * paths.size
     for each in experiment.loops:

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 __all__ = ["DelaySystem"]
 
+MAX_ENTRIES = 4_000_000  # complex numbers in one batch of matrices, for the memory's sake
+
 
 @dataclass(frozen=True, eq=False)
 class DelaySystem:
@@ -49,6 +51,16 @@ class DelaySystem:
 
         """
         frequencies = np.atleast_1d(np.asarray(omega, dtype=float))
+        step = max(MAX_ENTRIES // max(self.A.shape[0] + self.dead_times.size, 1) ** 2, 1)
+        parts = [
+            self._response(external, signal, frequencies[first : first + step])
+            for first in range(0, frequencies.size, step)
+        ]
+        return np.concatenate([np.empty(0, dtype=complex), *parts])
+
+    def _response(
+        self, external: int, signal: int, frequencies: NDArray[np.float64]
+    ) -> NDArray[np.complex128]:
         states, delays = self.A.shape[0], self.dead_times.size
         s = 1j * frequencies[:, None, None]
         shift = np.exp(-s * self.dead_times[None, :, None])  # (k, delays, 1)

@@ -39,11 +39,14 @@ class Paths:
     units : tuple of tuple of int
         The units of each kind; the first stands for the others. For a matrix plant every unit
         is a kind of its own.
+    resting : frozenset of int
+        Kinds whose inputs never move: nothing is wired to them.
 
     """
 
     plant: Plant
     units: tuple[tuple[int, ...], ...]
+    resting: frozenset[int] = frozenset()
 
     @property
     def size(self) -> int:
@@ -52,6 +55,8 @@ class Paths:
 
     def between(self, row: int, column: int) -> list[tuple[TransferFunction, float]]:
         """Return the transfer functions from kind `column` to kind `row`, with their weights."""
+        if column in self.resting:
+            return []
         if not isinstance(self.plant, ParallelPlant):
             return [(self.plant.element(row, column), 1.0)]
         count = len(self.units[column])

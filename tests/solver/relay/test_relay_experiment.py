@@ -15,7 +15,8 @@ from solver.relay import (
     RelayOutcome,
     relay_experiment,
 )
-from solver.simulation import Loop, Step, StepKind
+from solver.relay.experiment import wire
+from solver.simulation import Loop, Step, StepKind, delay_system
 from solver.transfer_function import TransferFunction
 
 
@@ -129,6 +130,34 @@ def test_equal_units_of_a_large_plant_are_taken_together() -> None:
     assert large.units == ((0,), tuple(range(1, 50)))
     assert large.behaviour is Behaviour.LIMIT_CYCLE
     assert large.theory.mcavoy is None
+
+
+def test_inputs_that_never_move_are_left_out() -> None:
+    """Ten by ten with dead times and all other loops open: one column is simulated."""
+    size = range(10)
+    rows = [[TransferFunction([1 / (1 + abs(r - c))], [5 + c, 1], 1 + r) for c in size]
+            for r in size]  # fmt: skip
+    experiment = RelayExperiment(MatrixPlant(rows), 0, 0, Relay(1.0, 0.02), (), 40.0, samples=101)
+    system = wire(experiment).closed.wiring.build()
+    assert (system.A.shape[0], system.dead_times.size) == (10, 10)
+    single = alone(rows[0][0], experiment.relay, experiment.duration)
+    np.testing.assert_allclose(
+        relay_experiment(experiment).switchings, single.switchings, rtol=1e-9
+    )
+
+
+def test_frequency_responses_of_many_points_are_taken_in_parts(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The batches that keep the memory small leave no seams."""
+    plant = MatrixPlant([[TransferFunction([1], [1, 2, 1], 0.3)]])
+    wired = wire(RelayExperiment(plant, 0, 0, Relay(), (), 1.0, samples=2))
+    omega = np.geomspace(0.1, 10, 50)
+    loop = (wired.closed.manuals[0].at, wired.closed.outputs[0].at)
+    whole = wired.closed.wiring.build().response(*loop, omega)
+    monkeypatch.setattr(delay_system, "MAX_ENTRIES", 30)
+    np.testing.assert_array_equal(wired.closed.wiring.build().response(*loop, omega), whole)
+    np.testing.assert_allclose(whole, plant.response(omega)[:, 0, 0], rtol=1e-12)
 
 
 def test_hysteresis_above_the_reachable_output_never_switches() -> None:
