@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solver.mu.kernel import COLD, FINE, balance, compiled, inner, sensitivities, solve, workspace
+from solver.mu.kernel import COLD, FINE, balance, sensitivities, solve
 from solver.mu.structure import BlockStructure, Bound, bound_of_scales
+from solver.mu.workspace import compiled, inner, workspace
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -5,8 +5,8 @@ import math
 import numpy as np
 
 from solver.controllers import DERIVATIVE_FILTER
-from solver.mu.kernel import compiled
 from solver.mu.scaling import sweep
+from solver.mu.workspace import compiled
 
 __all__ = ["loop_levels", "winds_as_stable"]
 
