@@ -121,6 +121,7 @@ def sweep(G, c, u, b, layout, all_free, nu, nu_end, cold, y):
     E = np.zeros((widest, 2 * widest), np.complex128)
     p = np.empty(rows)
     b_rows = np.empty(rows)
+    b_small = np.empty(rows)
     A = np.empty(rows)
     mixed = np.empty(rows, np.complex128)
     trial = np.empty(y.shape[1])
@@ -135,21 +136,14 @@ def sweep(G, c, u, b, layout, all_free, nu, nu_end, cold, y):
             ci = c[k, channels[i]]
             p[i] = u[k] * (ci.real * ci.real + ci.imag * ci.imag)
             b_rows[i] = b[k]
+            b_small[i] = 1e-6 * b[k]
         factors = (cols, S, p, b_rows, scales, scales, first, first, all_free)
         if cold:
             if k > 0:
                 y[k] = y[k - 1]
             else:
                 balance(factors, y[k], ws)
-        t[k], centre = solve(factors, y[k], nu, nu_end, ws)
-        if t[k] == -math.inf:
-            # Scales that keep the uncertain part below 1, if any: the best for mu, unskewed.
-            scaled = (cols, S, p, b_rows * 1e-6, scales, scales, first, first, True)
-            trial[:] = y[k]
-            balance(scaled, trial, ws)
-            if solve(scaled, trial, COLD, 1e-4, ws)[0] > 0.0:
-                y[k] = trial
-                t[k], centre = solve(factors, y[k], COLD, nu_end, ws)
+        t[k], centre = _solve_from(factors, b_small, y[k], trial, nu, nu_end, ws)
         if not abs(t[k]) < math.inf:
             continue
         x, total = ws[2], sensitivities(factors, centre, ws, A, mixed)
@@ -159,6 +153,30 @@ def sweep(G, c, u, b, layout, all_free, nu, nu_end, cold, y):
             own = p_level * u[k] * x[scales[i]] * A[i] * np.conj(ci)
             slope[k, channels[i]] -= 2.0 * (own - mixed[i]) / total
     return t, slope, det
+
+
+@inner
+def _solve_from(factors, b_small, y, trial, nu, nu_end, ws):
+    """Solve; where the uncertain part alone exceeds 1 at `y`, from the scales best for mu."""
+    cols, S, p, _, scales, _, first, _, _ = factors
+    task, place, start, end = factors, y, nu, nu_end
+    for attempt in range(3):
+        t, centre = solve(task, place, start, end, ws)
+        if attempt == 0 and t == -math.inf:
+            for i in range(y.size):
+                trial[i] = y[i]
+            task = (cols, S, p, b_small, scales, scales, first, first, True)
+            balance(task, trial, ws)
+            place, start, end = trial, COLD, 1e-4
+        elif attempt == 1:
+            if not t > 0.0:
+                return -math.inf, centre
+            for i in range(y.size):
+                y[i] = trial[i]
+            task, place, end = factors, y, nu_end
+        else:
+            break
+    return t, centre
 
 
 @inner
