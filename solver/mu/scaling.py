@@ -13,7 +13,7 @@ import numpy as np
 
 from solver.mu.kernel import COLD, FINE, balance, sensitivities, solve
 from solver.mu.structure import BlockStructure, Bound, bound_of_scales
-from solver.mu.workspace import compiled, inner, workspace
+from solver.mu.workspace import X, compiled, inner, workspace
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -146,7 +146,7 @@ def sweep(G, c, u, b, layout, all_free, nu, nu_end, cold, y):
         t[k], centre = _solve_from(factors, b_small, y[k], trial, nu, nu_end, ws)
         if not abs(t[k]) < math.inf:
             continue
-        x, total = ws[2], sensitivities(factors, centre, ws, A, mixed)
+        x, total = ws[X], sensitivities(factors, centre, ws, A, mixed)
         p_level = math.exp(t[k]) if all_free else 1.0
         for i in range(rows):
             ci = c[k, channels[i]]
