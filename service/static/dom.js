@@ -1,5 +1,7 @@
 /** Making elements. Text is always text: nothing here parses HTML. */
 
+const LONG = 40; // characters of a cell that needs some width on phones
+
 /** @type {(kind: string) => (tag: string, props?: Props, ...children: Children) => Element} */
 const maker = (kind) => (tag, props = {}, ...children) => {
   const node = document.createElementNS(`http://www.w3.org/${kind}`, tag);
@@ -27,7 +29,7 @@ export function put(place, ...children) {
  */
 export function table(caption, head, rows) {
   const cell = (/** @type {Child} */ content, column) =>
-    column ? h("td", {}, content) : h("th", { scope: "row" }, content);
+    column ? h("td", { class: String(content).length > LONG && "text" }, content) : h("th", { scope: "row" }, content);
   return scroller(caption, "scroll",
     h("table", {},
       h("caption", {}, caption),

@@ -14,10 +14,10 @@ function line(job) {
   const { title, aim } = summary(job.request);
   const unit = job.request.objective === "mu" ? "μ" : unitOf(job.id) ?? "";
   return [
-    h("a", { href: `#/tunings/${job.id}` }, title, h("br"), h("span", { class: "help" }, aim)),
+    h("a", { href: `#/tunings/${job.id}` }, title, h("br"), h("span", { class: "help unit" }, aim)),
     chipOf(job),
     h("span", { class: "value" }, number(job.progress.best), " ", h("span", { class: "unit" }, unit)),
-    clock(job.created_at),
+    h("span", { class: "unit" }, clock(job.created_at)),
   ];
 }
 

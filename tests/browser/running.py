@@ -11,6 +11,7 @@ import time
 from pathlib import Path
 
 import httpx
+import pytest
 
 __all__ = ["MUTUNE", "Service"]
 
@@ -60,8 +61,9 @@ class Service:
             )
         deadline = time.monotonic() + PATIENCE
         while not self._is_ready():
-            assert self._process.poll() is None, self.log.read_text()
-            assert time.monotonic() < deadline, self.log.read_text()
+            if self._process.poll() is not None or time.monotonic() > deadline:
+                self.stop()
+                pytest.fail(self.log.read_text())
             time.sleep(0.1)
 
     def _is_ready(self) -> bool:

@@ -187,13 +187,15 @@ def test_page_stays_small() -> None:
 
 def test_files_are_kept_for_ever_and_the_page_is_not(service: Service) -> None:
     """Assets are immutable under URLs that name their content; unknown ones are not there."""
-    page = httpx.get(service.url)
+    client = httpx.Client(base_url=service.url)
+    page = client.get("/")
     assert page.headers["cache-control"] == "no-cache"
     assert "unsafe" not in page.headers["content-security-policy"]
     sources = [part.split('"')[0] for part in page.text.split('"/assets/')[1:]]
     assert sources
     for source in sources:
-        answer = httpx.get(f"{service.url}/assets/{source}")
+        answer = client.get(f"/assets/{source}")
         assert answer.status_code == 200
         assert "immutable" in answer.headers["cache-control"]
-    assert httpx.get(f"{service.url}/assets/{sources[0]}.map").status_code == 404
+    assert client.get(f"/assets/{sources[0]}.map").status_code == 404
+    client.close()
