@@ -34,7 +34,7 @@ def cases():
 
 
 def request(n, a, ratio, kind, first):
-    """The tuning of one case."""
+    """Return the request of one case."""
     return {
         "plant": {"kind": "first_order", "n": n, "gain": 1, "time_constant": ratio,
                   "interaction": a},
@@ -48,7 +48,7 @@ def request(n, a, ratio, kind, first):
 def row(case, result):
     """One line of the table: both time constants and what asymmetry gains."""
     grouped, compared = result["tau_p"], result["comparison"]
-    identical = compared["identical"] if compared else None
+    identical = compared["identical_value"] if compared else None
     gain = 100 * (1 - grouped / identical) if grouped and identical else None
     return dict(zip(COLUMNS, (*case, identical, grouped, gain), strict=True))
 

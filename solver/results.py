@@ -88,7 +88,7 @@ class LocalOptimum:
 
 @dataclass(frozen=True)
 class SearchSummary:
-    """What the search did: starts made, optima found (best first), seed, duration."""
+    """What the search did: starts made, best optima found (best first), seed, duration."""
 
     starts: int
     local_optima: tuple[LocalOptimum, ...]

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from solver.blocks import reduce
 from solver.frequencies import corners
 from solver.tuning.minimax import Box
 from solver.tuning.specification import ControllerKind, Specification
@@ -28,9 +29,10 @@ def parameter_box(specification: Specification, groups: tuple[tuple[int, ...], .
     """Box of the log parameters, controller by controller.
 
     The scale is the crossover that the uncertainty permits: the lowest frequency where |w_I|
-    reaches 1 or a dead time turns the phase by a radian. Gains reach from a thousandth to thirty
-    times the one that puts a single loop's crossover there; integral times from a hundredth of
-    that period to ten times the slowest one of the plant.
+    reaches 1 or a dead time turns the phase by a radian. Gains reach from a thousandth of the one
+    that puts the crossover of the plant's strongest direction there to thirty times the one that
+    puts a single loop's there; integral times from a hundredth of that period to ten times the
+    slowest one of the plant.
     """
     plant, given = specification.plant, specification.bounds
     omega = np.geomspace(*_span(specification), 400)
@@ -40,19 +42,30 @@ def parameter_box(specification: Specification, groups: tuple[tuple[int, ...], .
     if delay > 0:
         crossover = min(crossover, 1 / delay)
     slowest = float(corners(plant, specification.uncertainty)[0])
+    blocks = reduce(plant, groups).response(crossover)
+    strongest = max(float(np.linalg.norm(block[0], 2)) for block in blocks)
     low, high = [], []
     for group in groups:
-        own = plant.element(group[0], group[0])
-        gain = 1 / max(float(np.abs(own.response(crossover))[0]), 1e-12)
+        own = max(float(np.abs(plant.element(group[0], group[0]).response(crossover))[0]), 1e-12)
         rows = [
-            given.gain or (1e-3 * gain, 30 * gain),
+            given.gain or (1e-3 / max(own, strongest), 30 / own),
             given.integral_time or (0.01 / crossover, 10 / min(slowest, crossover)),
         ]
         if specification.kind is ControllerKind.PID:
             rows.append(given.derivative_time or (1e-3 / crossover, 10 / crossover))
         low += [row[0] for row in rows]
         high += [row[1] for row in rows]
-    return Box(np.log(low), np.log(high))
+    return Box(_log_inside(np.array(low), 1), _log_inside(np.array(high), -1))
+
+
+def _log_inside(bound: NDArray[np.float64], inward: int) -> NDArray[np.float64]:
+    """Logarithms whose exponentials do not pass the bound by rounding."""
+    log = np.log(bound)
+    while True:
+        outside = inward * (bound - np.exp(log)) > 0
+        if not outside.any():
+            return log
+        log = np.where(outside, np.nextafter(log, inward * np.inf), log)
 
 
 def _span(specification: Specification) -> tuple[float, float]:

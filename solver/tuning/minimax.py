@@ -106,7 +106,7 @@ def minimise(
         step = model.step(here)
         if step is None or step.promise < tolerance:
             break
-        there = objective.evaluate(here.theta + step.d, near=here)
+        there = objective.evaluate(box.clip(here.theta + step.d), near=here)
         if not here.merit - there.merit > ENOUGH * step.promise:
             step, there = _corrected(model, here, step, there)
         length = float(np.abs(step.d).max())
@@ -199,7 +199,7 @@ def _corrected(
     if math.isfinite(there.merit):
         corrected = model.step(here, there)
         if corrected is not None:
-            again = model.objective.evaluate(here.theta + corrected.d, near=there)
+            again = model.objective.evaluate(model.box.clip(here.theta + corrected.d), near=there)
             if again.merit < there.merit:
                 return _Step(corrected.d, step.promise, step.multipliers), again
     return step, there

@@ -43,6 +43,9 @@ ROUGH_NU = 1e-4  # and its barrier parameter
 EXACT = 1e-10  # of the last descent
 SETTLED = 1e-8  # excess of the demand anywhere on the axis at which the last descent may end
 NEARLY_ACTIVE = 0.05  # excess of the demand from which a peak is followed
+WEAKEST = 1e-12  # gain of a direction over that of the strongest one
+FLAT = 1e-8  # change of s over two decades below which it is at its limit for omega -> 0
+POLISHED = 6  # optima whose exact values are found
 FIRST_ZOOMS = 3  # rounds of zooming before a peak is followed
 EXACT_ROUNDS = 10
 ENOUGH_ROOM = -0.02  # log mu^2 at which the first phase ends
@@ -52,9 +55,10 @@ GAIN_STEPS = 12
 
 @dataclass(frozen=True)
 class Optimum:
-    """A local optimum on the search grid and how many starts ended there."""
+    """A local optimum and how many starts ended there; at first of the grid, then exact."""
 
-    evaluation: Evaluation
+    theta: NDArray[np.float64]
+    value: float
     count: int
 
 
@@ -109,8 +113,7 @@ class GroupingSearch:
             goal = MuGoal(performance)
         bends = corners(plant, uncertainty)
         omega = grid(1e-2 * bends[0], 30 * bends[-1], POINTS_PER_DECADE, [resonances(plant)])
-        # The limit at low frequency is reached as omega^2: two points for its value and slope.
-        omega = np.concatenate([bends[0] * np.array([1e-4, 2e-4]), omega])
+        omega = np.concatenate([self._below(omega[0]), omega])
         signs = gain_signs(plant, groups)
         self.objective = LoopObjective(
             self.blocks, uncertainty, goal, specification.kind, signs, omega, ROUGH_NU
@@ -119,6 +122,18 @@ class GroupingSearch:
         self.feasibility = replace(self.objective, goal=MuGoal(slow, target))
         self.optima: list[Optimum] = []
         self.closest: Evaluation | None = None
+
+    def _below(self, bend: float) -> NDArray[np.float64]:
+        """Frequencies down to the limit for omega -> 0, for its value and slope.
+
+        The limit is reached as omega^2, by a weak direction of the plant at lower frequencies.
+        """
+        blocks = self.blocks.response(bend)
+        singular = np.concatenate([np.linalg.svd(G[0], compute_uv=False) for G in blocks])
+        weakest = max(singular.min() / singular.max(), WEAKEST)
+        low = 1e-2 * bend * weakest
+        between = np.geomspace(low, bend, math.ceil(math.log10(bend / low)) + 1)[1:-1]
+        return np.concatenate([[low, 2 * low], between])
 
     @property
     def default_starts(self) -> int:
@@ -164,10 +179,21 @@ class GroupingSearch:
         self._remember(here)
         return here
 
-    def exact(self, theta: NDArray[np.float64], bar: float = math.inf) -> Candidate | None:
+    def polish(self) -> list[Candidate]:
+        """Replace the best optima of the grid by exact ones, and return those."""
+        rough, self.optima = self.optima[:POLISHED], []
+        found = []
+        for optimum in rough:
+            candidate = self.exact(optimum.theta)
+            if candidate is not None:
+                found.append(candidate)
+                self._remember(candidate, optimum.count)
+        return found
+
+    def exact(self, theta: NDArray[np.float64]) -> Candidate | None:
         """Descend with the peaks followed, until the value is that of the whole axis.
 
-        Gives up where the value on the grid, which is too low if anything, is above `bar`.
+        None where the plant is not the grid's: no settings near `theta` meet the demand.
         """
         peaks = self._peaks_between(self.objective.evaluate(theta))
         best: Candidate | None = None
@@ -179,8 +205,6 @@ class GroupingSearch:
             if not math.isfinite(here.merit):
                 break
             here = minimise(objective, here, self.box, tolerance=EXACT, checkpoint=self.checkpoint)
-            if not here.value <= bar:
-                break
             candidate = self.measure(here.theta, here.value)
             if best is None or candidate.value < best.value:
                 best = candidate
@@ -208,8 +232,11 @@ class GroupingSearch:
             self.specification.uncertainty,
             self.objective.controllers(theta),
         )
-        # The limit at low frequency is reached as omega^2: there to 1e-8.
         low = min(1e-4 * bends[0], self.objective.omega[0])
+        above, below = self._attained(theta, np.array([low, 1e-2 * low]))
+        while below > above + FLAT and low > WEAKEST * bends[0]:
+            low *= 1e-2
+            above, below = below, self._attained(theta, np.array([1e-2 * low]))[0]
         high = max(1e2 * bends[-1], self.objective.omega[-1])
         extra = [resonances(self.specification.plant), bends, self.objective.omega]
         omega = grid(low, high, 2 * POINTS_PER_DECADE, extra)
@@ -222,11 +249,15 @@ class GroupingSearch:
 
             peaks, missing = local_peaks(excess, omega, excess(omega))
             missed.append(float(missing.max()))
-            level = self.objective.levels(theta, peaks)
-            s = float(self.objective.goal.attained(level, peaks).max())
+            s = float(self._attained(theta, peaks).max())
             if not math.isfinite(s):
                 break
         return Candidate(theta, s, peaks, missed[0])
+
+    def _attained(
+        self, theta: NDArray[np.float64], omega: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        return self.objective.goal.attained(self.objective.levels(theta, omega), omega)
 
     def _restored(self, objective: LoopObjective, theta: NDArray[np.float64]) -> Evaluation:
         """Return a neighbour for which some tau_P exists at the frequencies of `objective`."""
@@ -264,22 +295,21 @@ class GroupingSearch:
             theta = theta + gains
         return None
 
-    def _known(self, found: Evaluation) -> int | None:
-        """Index of the optimum that an evaluation stands for; None: none yet."""
+    def _known(self, found: Evaluation | Candidate) -> int | None:
+        """Index of the optimum that these settings stand for; None: none yet."""
         for index, optimum in enumerate(self.optima):
-            known = optimum.evaluation
-            if abs(known.value - found.value) < SAME_VALUE:
-                distance = self.canonical(known.theta) - self.canonical(found.theta)
+            if abs(optimum.value - found.value) < SAME_VALUE:
+                distance = self.canonical(optimum.theta) - self.canonical(found.theta)
                 if np.abs(distance).max() < SAME_PLACE:
                     return index
         return None
 
-    def _remember(self, found: Evaluation) -> None:
+    def _remember(self, found: Evaluation | Candidate, count: int = 1) -> None:
         index = self._known(found)
         if index is None:
-            self.optima.append(Optimum(found, 1))
+            self.optima.append(Optimum(found.theta, found.value, count))
         else:
             known = self.optima[index]
-            better = min(known.evaluation, found, key=lambda e: e.value)
-            self.optima[index] = Optimum(better, known.count + 1)
-        self.optima.sort(key=lambda optimum: optimum.evaluation.value)
+            better = found if found.value < known.value else known
+            self.optima[index] = Optimum(better.theta, better.value, known.count + count)
+        self.optima.sort(key=lambda optimum: optimum.value)

@@ -40,7 +40,6 @@ WORTH_IT = 1.0  # per cent that asymmetry must gain before 'best' prefers it
 PROGRESS_INTERVAL = 0.1  # seconds
 MARGIN = 2e-4  # of mu, where a proof for all frequencies is wanted; costs about 0.1 % of tau_P
 ROUNDING = 1e-9  # relative addition to tau_P that keeps mu <= 1 under rounding
-POLISHED = 3  # optima whose order the exact value may still change
 
 
 class _OutOfTimeError(Exception):
@@ -179,10 +178,8 @@ class _Run:
         if self.identical is not None:
             theta = np.tile(self.identical.theta, len(search.groups))
             best = search.measure(theta, self.identical.value)
-        for optimum in search.optima[:POLISHED]:
-            bar = math.inf if best is None else best.value
-            candidate = search.exact(optimum.evaluation.theta, bar)
-            if candidate is None or candidate.value >= bar:
+        for candidate in search.polish():
+            if best is not None and candidate.value >= best.value:
                 continue
             loops = search.blocks.expand(search.objective.controllers(candidate.theta))
             if unstable_poles(self.specification.plant, loops) == 0:
@@ -192,7 +189,7 @@ class _Run:
     def _keep_what_there_is(self) -> None:
         for search in self.searches:
             if search.groups in self.partitions and search.optima:
-                optimum = search.optima[0].evaluation
+                optimum = search.optima[0]
                 theta = optimum.theta
                 loops = search.blocks.expand(search.objective.controllers(theta))
                 if unstable_poles(self.specification.plant, loops) == 0:
@@ -281,9 +278,9 @@ class _Run:
             starts=self.clock.done,
             local_optima=tuple(
                 LocalOptimum(
-                    self.as_objective(optimum.evaluation.value),
+                    self.as_objective(optimum.value),
                     optimum.count,
-                    loops(optimum.evaluation.theta),
+                    loops(optimum.theta),
                 )
                 for optimum in search.optima
             ),

@@ -194,3 +194,20 @@ def test_certified_settings_prove_mu_at_most_1():
     assert result.certificate.claim.gamma == 1
     assert check(result.certificate).verdict is Verdict.PROVEN
     assert 25.7730 < result.tau_p < 1.002 * 25.7730
+
+
+@pytest.mark.parametrize(("n", "a"), [(10_000, 0.5), (2, 0.99999)])
+def test_directions_far_stronger_or_weaker_than_a_single_unit(n, a):
+    """The sum of many units, and what is left of two nearly equal rows, are within reach."""
+    result = run(first_order(n, 1, 100, a), Arrangement.IDENTICAL)
+    assert result.status is Status.OPTIMAL
+    assert result.peaks.robust_performance.value == pytest.approx(1, abs=1e-6)
+
+
+def test_bounds_are_kept_to_the_last_digit():
+    """A setting on its bound is not above it by rounding."""
+    bounds = Bounds(gain=(0.1, 30))
+    result = run(SLH, Arrangement.IDENTICAL, bounds=bounds)
+    assert result.loops[0].gain <= 30
+    assert result.loops[0].gain == pytest.approx(30, rel=1e-9)
+    assert "upper bound 30" in result.warnings[0]
