@@ -15,7 +15,6 @@ from enum import StrEnum
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import linprog
 
 from solver.singular import is_singular
 
@@ -184,6 +183,8 @@ def _diagonal_proof(positive: NDArray[np.float64]) -> NDArray[np.float64] | None
     The smallest eigenvalue is concave in d; Kelley's cutting planes find d or a combination of
     cuts that excludes every d. The answer is checked by its eigenvalues.
     """
+    from scipy.optimize import linprog  # noqa: PLC0415 - a tuning need not wait for it
+
     n = len(positive)
     G = _unit_diagonal(positive)
     G = G / np.linalg.norm(G, 2)
