@@ -193,7 +193,7 @@ class GroupingSearch:
     def exact(self, theta: NDArray[np.float64]) -> Candidate | None:
         """Descend with the peaks followed, until the value is that of the whole axis.
 
-        None where the plant is not the grid's: no settings near `theta` meet the demand.
+        None where no settings near `theta` meet the demand between the grid's points too.
         """
         peaks = self._peaks_between(self.objective.evaluate(theta))
         best: Candidate | None = None
@@ -205,7 +205,7 @@ class GroupingSearch:
             if not math.isfinite(here.merit):
                 break
             here = minimise(objective, here, self.box, tolerance=EXACT, checkpoint=self.checkpoint)
-            candidate = self.measure(here.theta, here.value)
+            candidate = self.measure(here.theta, here.s)
             if best is None or candidate.value < best.value:
                 best = candidate
             if candidate.excess <= SETTLED:
@@ -214,7 +214,7 @@ class GroupingSearch:
         return best if best is not None and math.isfinite(best.value) else None
 
     def _peaks_between(self, here: Evaluation) -> NDArray[np.float64]:
-        """Peaks of the demand's excess between the points of the grid."""
+        """Return the peaks of the demand's excess between the points of the grid."""
 
         def excess(omega: NDArray[np.float64]) -> NDArray[np.float64]:
             demand = self.objective.goal.demand(here.s, omega)[0]
