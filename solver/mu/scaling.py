@@ -110,49 +110,61 @@ def sweep(G, c, u, b, layout, all_free, nu, nu_end, cold, y):
         det(I + G C) of each block.
 
     """
-    channels, scales, first = layout
-    rows, widest = G.shape[1], G.shape[2]
+    rows, widest, blocks = G.shape[1], G.shape[2], layout[2].size - 1
     t = np.empty(G.shape[0])
     slope = np.zeros(c.shape, np.complex128)
-    det = np.empty((G.shape[0], first.size - 1), np.complex128)
+    det = np.empty((G.shape[0], blocks), np.complex128)
+    scratch = (
+        np.zeros((rows, widest), np.complex128),
+        np.zeros((rows, widest), np.complex128),
+        np.empty((widest, 2 * widest), np.complex128),
+        np.empty(rows),
+        np.empty(rows),
+        np.empty(rows),
+        np.empty(rows),
+        np.empty(rows, np.complex128),
+        np.empty(y.shape[1]),
+    )
     ws = workspace(rows, widest, y.shape[1])
-    cols = np.zeros((rows, widest), np.complex128)
-    S = np.zeros((rows, widest), np.complex128)
-    E = np.zeros((widest, 2 * widest), np.complex128)
-    p = np.empty(rows)
-    b_rows = np.empty(rows)
-    b_small = np.empty(rows)
-    A = np.empty(rows)
-    mixed = np.empty(rows, np.complex128)
-    trial = np.empty(y.shape[1])
-    for k in range(G.shape[0]):
+    _sweep(G, c, u, b, layout, all_free, nu, nu_end, cold, y, scratch, ws, t, slope, det)
+    return t, slope, det
+
+
+@inner
+def _sweep(G, c, u, b, layout, all_free, nu, nu_end, cold, y, scratch, ws, t, slope, det):
+    """Fill in `t`, `slope` and `det`, with arrays that are there already."""
+    channels, scales, first = layout
+    cols, S, E, p, b_rows, b_small, A, mixed, trial = scratch
+    rows, x = p.size, ws[X]
+    for k in range(t.size):
         for block in range(first.size - 1):
             lo = first[block]
             size = first[block + 1] - lo
             det[k, block] = _sensitivity(G[k], c[k], channels, lo, size, E, S, cols)
             if not b[k] > 0.0:
-                S[lo : first[block + 1]] = 0.0
+                for i in range(lo, lo + size):
+                    for j in range(size):
+                        S[i, j] = 0j
         for i in range(rows):
             ci = c[k, channels[i]]
             p[i] = u[k] * (ci.real * ci.real + ci.imag * ci.imag)
             b_rows[i] = b[k]
             b_small[i] = 1e-6 * b[k]
         factors = (cols, S, p, b_rows, scales, scales, first, first, all_free)
-        if cold:
-            if k > 0:
-                y[k] = y[k - 1]
-            else:
-                balance(factors, y[k], ws)
+        if cold and k > 0:
+            for i in range(trial.size):
+                y[k, i] = y[k - 1, i]
+        elif cold:
+            balance(factors, y[k], ws)
         t[k], centre = _solve_from(factors, b_small, y[k], trial, nu, nu_end, ws)
         if not abs(t[k]) < math.inf:
             continue
-        x, total = ws[X], sensitivities(factors, centre, ws, A, mixed)
+        total = sensitivities(factors, centre, ws, A, mixed)
         p_level = math.exp(t[k]) if all_free else 1.0
         for i in range(rows):
             ci = c[k, channels[i]]
             own = p_level * u[k] * x[scales[i]] * A[i] * np.conj(ci)
-            slope[k, channels[i]] -= 2.0 * (own - mixed[i]) / total
-    return t, slope, det
+            slope[k, channels[i]] -= 2.0 * (own - mixed[i]) * (1.0 / total)
 
 
 @inner

@@ -27,9 +27,9 @@ _ARGUMENTS = [
 ]
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
-    """Chromium of the system."""
+    """Chromium of the system; no longer than a module, since its event loop runs meanwhile."""
     if _CHROMIUM is None:
         pytest.skip("no chromium")
     if not _AXE.is_dir():
