@@ -163,7 +163,7 @@ class SearchSummary(ResultModel):
 
     starts: int = Field(description="Starts made.", examples=[24])
     local_optima: list[Optimum] = Field(
-        description="Distinct local optima, best first; the best six at most.",
+        description="Distinct local optima, best first; the best three at most.",
         examples=[[{"value": 18.446, "count": 9, "loops": []}]],
     )
     seed: int = Field(description="Seed of the search.", examples=[0])

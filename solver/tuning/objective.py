@@ -34,7 +34,7 @@ WARM = 1e-4  # first barrier parameter where a neighbour's scales are the start
 FORBIDDEN = -50.0  # stands for a level of minus infinity where a curve is refined
 FOLLOWING = (0.1, 0.01)  # half widths, in log omega, of the parabolas that follow a peak
 
-__all__ = ["PENALTY", "Evaluation", "Goal", "LoopObjective", "MuGoal", "TauGoal"]
+__all__ = ["FOLLOWING", "PENALTY", "Evaluation", "Goal", "LoopObjective", "MuGoal", "TauGoal"]
 
 TINY = 1e-300
 PENALTY = 30.0  # price in s of a missing level; more than its multiplier at any optimum seen

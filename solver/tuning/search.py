@@ -21,7 +21,7 @@ from solver.peaks import local_peaks
 from solver.plants import ParallelPlant
 from solver.tuning.bounds import gain_signs, parameter_box
 from solver.tuning.minimax import minimise
-from solver.tuning.objective import Evaluation, Goal, LoopObjective, MuGoal, TauGoal
+from solver.tuning.objective import FOLLOWING, Evaluation, Goal, LoopObjective, MuGoal, TauGoal
 from solver.tuning.specification import Objective, Specification
 from solver.weights import Performance
 
@@ -40,12 +40,12 @@ SAME_VALUE = 5e-3  # difference of s below which two optima may be one
 SAME_PLACE = 0.05  # and of the log parameters
 ROUGH = 1e-5  # tolerance in s of a start's descent
 ROUGH_NU = 1e-4  # and its barrier parameter
-EXACT = 1e-10  # of the last descent
+EXACT = 1e-9  # of the last descent
 SETTLED = 1e-8  # excess of the demand anywhere on the axis at which the last descent may end
 NEARLY_ACTIVE = 0.05  # excess of the demand from which a peak is followed
 WEAKEST = 1e-12  # gain of a direction over that of the strongest one
 FLAT = 1e-8  # change of s over two decades below which it is at its limit for omega -> 0
-POLISHED = 6  # optima whose exact values are found
+POLISHED = 3  # optima whose exact values are found
 FIRST_ZOOMS = 3  # rounds of zooming before a peak is followed
 EXACT_ROUNDS = 10
 ENOUGH_ROOM = -0.02  # log mu^2 at which the first phase ends
@@ -196,21 +196,28 @@ class GroupingSearch:
         None where no settings near `theta` meet the demand between the grid's points too.
         """
         peaks = self._peaks_between(self.objective.evaluate(theta))
+        omega = self.objective.omega
         best: Candidate | None = None
+        candidate: Candidate | None = None
         for _ in range(EXACT_ROUNDS):
-            objective = replace(self.objective, nu=FINE, followed=peaks)
+            objective = replace(self.objective, omega=omega, nu=FINE, followed=peaks)
             here = objective.evaluate(theta)
             if not math.isfinite(here.merit) and objective.goal.skewed:
                 here = self._restored(objective, theta)
             if not math.isfinite(here.merit):
                 break
             here = minimise(objective, here, self.box, tolerance=EXACT, checkpoint=self.checkpoint)
-            candidate = self.measure(here.theta, here.s)
+            before, candidate = candidate, self.measure(here.theta, here.s)
             if best is None or candidate.value < best.value:
                 best = candidate
-            if candidate.excess <= SETTLED:
+            stuck = before is not None and abs(candidate.value - before.value) < SETTLED
+            if stuck or candidate.excess <= SETTLED:
                 break
-            theta, peaks = here.theta, candidate.peaks  # some peak was not followed
+            # Some peak was not followed, or is a kink, which no parabola meets: follow it from now
+            # on, and hold it at its place too.
+            theta, omega = here.theta, np.union1d(omega, candidate.peaks)
+            far = np.abs(np.log(candidate.peaks[:, None] / here.peaks)) > FOLLOWING[0]
+            peaks = np.append(here.peaks, candidate.peaks[far.all(axis=1)])
         return best if best is not None and math.isfinite(best.value) else None
 
     def _peaks_between(self, here: Evaluation) -> NDArray[np.float64]:
