@@ -3,7 +3,7 @@
 For n = 2 to 12 units, interactions over the whole range -1/(n - 1) < a < 1, three ratios of the
 plant's time constant to the neglected dead time, PI and PID: every split into two groups, beside
 identical settings. Goes through ``mutune batch``, so a run that was stopped goes on where it was.
-Writes bench/asymmetry.csv and prints the table of docs/asymmetry.md.
+Writes bench/asymmetry.csv.
 """
 
 import csv

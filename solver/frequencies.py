@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from numpy.typing import NDArray
 
@@ -16,8 +16,9 @@ if TYPE_CHECKING:
     from solver.transfer_function import TransferFunction
     from solver.weights import Uncertainty
 
-__all__ = ["corners", "corners_of", "grid", "resonances", "resonances_of"]
+__all__ = ["corners", "corners_of", "grid", "low_end", "resonances", "resonances_of"]
 
+FLAT = 1e-8  # relative rise over two decades below which a curve is at its limit for omega -> 0
 DERIVATIVE_CORNER = 10.0  # the derivative filter's corner over 1/tau_D
 
 
@@ -70,6 +71,30 @@ def grid(
     count = max(2, int(np.ceil(per_decade * np.log10(high / low))) + 1)
     points = np.concatenate([np.geomspace(low, high, count), *extra])
     return np.unique(points[(points >= low) & (points <= high)])
+
+
+def low_end(
+    curve: Callable[[NDArray[np.float64]], NDArray[np.float64]], start: float, lowest: float
+) -> float:
+    """Return a frequency, `start` or below, from which a curve rises no more towards omega = 0.
+
+    A weak direction of a plant, whose gain is far below that of the others, is slower than any
+    corner.
+
+    Parameters
+    ----------
+    curve : callable
+        Positive values (k,) at frequencies (k,).
+    start, lowest : float
+        Where to begin, and below which not to go on, rad per time unit.
+
+    """
+    low = start
+    here, below = curve(np.array([low, 0.01 * low]))
+    while below > here * (1 + FLAT) and low > lowest:
+        low *= 0.01
+        here, below = below, curve(np.array([0.01 * low]))[0]
+    return low
 
 
 def _corners_of_functions(functions: Iterable[TransferFunction]) -> set[float]:

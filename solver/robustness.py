@@ -16,7 +16,7 @@ import numpy as np
 from solver.blocks import LoopBlocks, group_loops
 from solver.certificate import Certificate, Claim
 from solver.errors import InvalidInputError
-from solver.frequencies import corners, grid, resonances
+from solver.frequencies import corners, grid, low_end, resonances
 from solver.margins import loop_margins
 from solver.mu.kernel import COLD, FINE
 from solver.mu.scaling import sweep
@@ -41,7 +41,6 @@ __all__ = ["LoopAnalysis", "analyse"]
 PROVEN_ABOVE = 1 + 2e-4  # level of a certificate over the peak; a touch cannot be proven
 POINTS_PER_DECADE = 24
 MAX_FREQUENCIES = 10_000
-FLAT = 1e-8  # relative change over two decades below which mu is at its limit for omega -> 0
 LOWEST = 1e-18  # of the lowest bend: slower directions are singular to working accuracy
 
 
@@ -72,12 +71,8 @@ class LoopAnalysis:
         bends = corners(plant, self.uncertainty, self.controllers)
         assert self.performance.tau_p is not None  # noqa: S101 - for the type checker
         bends = np.append(bends, 1 / self.performance.tau_p)
-        low = 1e-4 * float(bends.min())
-        # A weak direction, whose gain is far below that of the others, is slower than any bend.
-        here, below = self.robust_performance(np.array([low, 0.01 * low]))
-        while below > here * (1 + FLAT) and low > LOWEST * float(bends.min()):
-            low *= 0.01
-            here, below = below, self.robust_performance(np.array([0.01 * low]))[0]
+        lowest = float(bends.min())
+        low = low_end(self.robust_performance, 1e-4 * lowest, LOWEST * lowest)
         return grid(low, 1e2 * bends.max(), POINTS_PER_DECADE, [resonances(plant), bends])
 
     def scales(

@@ -198,13 +198,8 @@ def derivatives(factors, block, level, ws):
     lo, first = row0[block], col0[block]
     rows, columns = row0[block + 1] - lo, col0[block + 1] - first
     _inverse_gap(lo, rows, level, ws)
-    _times_gap(lo, rows, ws)
-    for i in range(rows):
-        for j in range(columns):
-            v = 0j
-            for m in range(rows):
-                v += B[lo + i, m] * cols[lo + m, j]
-            Ba[lo + i, j] = v
+    _multiply(W, B, lo, rows, rows, WB)
+    _multiply(B, cols, lo, rows, columns, Ba)
     # Elementary changes: of Q in row i (weight A), of W in column j (weight B), and both.
     for i in range(rows):
         si = row_scale[lo + i]
@@ -265,10 +260,10 @@ def derivatives(factors, block, level, ws):
 def sensitivities(factors, block, level, ws, A, mixed):
     """Fill in the block's rows of `A` and `mixed`, as for `solver.mu.kernel.sensitivities`."""
     cols, row0 = factors[0], factors[6]
-    W, WB = ws[W_BLOCK], ws[W_GAP]
+    W, B, WB = ws[W_BLOCK], ws[GAP], ws[W_GAP]
     lo, rows = row0[block], row0[block + 1] - row0[block]
     _inverse_gap(lo, rows, level, ws)
-    _times_gap(lo, rows, ws)
+    _multiply(W, B, lo, rows, rows, WB)
     for i in range(rows):
         v = W[lo + i, i].real
         z = 0j
@@ -280,15 +275,14 @@ def sensitivities(factors, block, level, ws, A, mixed):
 
 
 @inner
-def _times_gap(lo, rows, ws):
-    """Product W B of one block."""
-    W, B, WB = ws[W_BLOCK], ws[GAP], ws[W_GAP]
+def _multiply(left, right, lo, rows, columns, out):
+    """Product of two matrices of one block, its square left one first."""
     for i in range(rows):
-        for k in range(rows):
+        for j in range(columns):
             v = 0j
             for m in range(rows):
-                v += W[lo + i, m] * B[lo + m, k]
-            WB[lo + i, k] = v
+                v += left[lo + i, m] * right[lo + m, j]
+            out[lo + i, j] = v
 
 
 @inner

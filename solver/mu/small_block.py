@@ -69,6 +69,17 @@ def _entries(factors, block, ws):
 
 
 @inner
+def _gap(w1, w2, size, q1, q2):
+    """1 - q_1 w_11, 1 - q_2 w_22, det(I - Q W), and that times the diagonal of (W^-1 - Q)^-1.
+
+    `size` is |w_12|^2.
+    """
+    left1, left2 = 1.0 - q1 * w1, 1.0 - q2 * w2
+    left = left1 * left2 - q1 * q2 * size
+    return left1, left2, left, w1 * left2 + q2 * size, w2 * left1 + q1 * size
+
+
+@inner
 def levels(factors, block, ws):
     """Fill in the inverse levels; returns det(I - Q_fixed W), 0 where that is not positive."""
     row0 = factors[6]
@@ -77,14 +88,13 @@ def levels(factors, block, ws):
     w1, w2, w12 = _entries(factors, block, ws)
     size = square(w12)
     f1, f2 = fixed[lo], fixed[hi - 1] if hi - lo == 2 else 0.0
-    left1, left2 = 1.0 - f1 * w1, 1.0 - f2 * w2
-    limit = left1 * left2 - f1 * f2 * size
+    left1, _, limit, own1, own2 = _gap(w1, w2, size, f1, f2)
     if not (limit > 0.0 and left1 > 0.0):
         return 0.0
-    m1 = free[lo] * (w1 * left2 + f2 * size) / limit
+    m1 = free[lo] * own1 / limit
     inverse[lo] = m1
     if hi - lo == 2:
-        m2 = free[lo + 1] * (w2 * left1 + f1 * size) / limit
+        m2 = free[lo + 1] * own2 / limit
         m12 = free[lo] * free[lo + 1] * size / (limit * limit)
         half = 0.5 * (m1 - m2)
         inverse[lo] = 0.5 * (m1 + m2) + math.sqrt(half * half + m12)
@@ -132,10 +142,10 @@ def derivatives(factors, block, level, ws):
         a22 = cols[lo + 1, 1] if two else 0j
     w1, w2, w12 = _entries(factors, block, ws)
     size = square(w12)
-    left1, left2 = 1.0 - q1 * w1, 1.0 - q2 * w2
-    over = 1.0 / (left1 * left2 - q1 * q2 * size)
+    left1, left2, left, own1, own2 = _gap(w1, w2, size, q1, q2)
+    over = 1.0 / left
     # (W^-1 - Q)^-1: its diagonal and the square of the other entry
-    A1, A2 = (w1 * left2 + q2 * size) * over, (w2 * left1 + q1 * size) * over
+    A1, A2 = own1 * over, own2 * over
     A12 = size * over * over
     # (I - W Q)^-1 a_j
     b11, b12 = (left2 * a11 + q2 * w12 * a21) * over, (left2 * a12 + q2 * w12 * a22) * over
@@ -179,12 +189,12 @@ def sensitivities(factors, block, level, ws, A, mixed):
     q2 = free[lo + 1] * level + fixed[lo + 1] if rows > 1 else 0.0
     w1, w2, w12 = _entries(factors, block, ws)
     size = square(w12)
-    left1, left2 = 1.0 - q1 * w1, 1.0 - q2 * w2
-    over = 1.0 / (left1 * left2 - q1 * q2 * size)
-    A[lo] = (w1 * left2 + q2 * size) * over
+    _, _, left, own1, own2 = _gap(w1, w2, size, q1, q2)
+    over = 1.0 / left
+    A[lo] = own1 * over
     mixed[lo] = q1 * A[lo] * cols[lo, 0]
     if rows > 1:
-        A[lo + 1] = (w2 * left1 + q1 * size) * over
+        A[lo + 1] = own2 * over
         mixed[lo] += (q2 * over) * w12 * cols[lo + 1, 0]
         if cols.shape[1] > 1:
             mixed[lo + 1] = q2 * A[lo + 1] * cols[lo + 1, 1]

@@ -21,6 +21,7 @@ import numpy as np
 
 from solver.controllers import Controller
 from solver.mu.kernel import COLD, FINE
+from solver.mu.workspace import TINY
 from solver.tuning.loop_levels import loop_levels, winds_as_stable
 from solver.tuning.specification import ControllerKind
 
@@ -36,7 +37,6 @@ FOLLOWING = (0.1, 0.01)  # half widths, in log omega, of the parabolas that foll
 
 __all__ = ["FOLLOWING", "PENALTY", "Evaluation", "Goal", "LoopObjective", "MuGoal", "TauGoal"]
 
-TINY = 1e-300
 PENALTY = 30.0  # price in s of a missing level; more than its multiplier at any optimum seen
 
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.blocks import reduce
-from solver.frequencies import corners, grid, resonances
+from solver.frequencies import corners, grid, low_end, resonances
 from solver.mu.kernel import FINE
 from solver.peaks import local_peaks
 from solver.plants import ParallelPlant
@@ -44,7 +44,6 @@ EXACT = 1e-9  # of the last descent
 SETTLED = 1e-8  # excess of the demand anywhere on the axis at which the last descent may end
 NEARLY_ACTIVE = 0.05  # excess of the demand from which a peak is followed
 WEAKEST = 1e-12  # gain of a direction over that of the strongest one
-FLAT = 1e-8  # change of s over two decades below which it is at its limit for omega -> 0
 POLISHED = 3  # optima whose exact values are found
 FIRST_ZOOMS = 3  # rounds of zooming before a peak is followed
 EXACT_ROUNDS = 10
@@ -239,11 +238,11 @@ class GroupingSearch:
             self.specification.uncertainty,
             self.objective.controllers(theta),
         )
-        low = min(1e-4 * bends[0], self.objective.omega[0])
-        above, below = self._attained(theta, np.array([low, 1e-2 * low]))
-        while below > above + FLAT and low > WEAKEST * bends[0]:
-            low *= 1e-2
-            above, below = below, self._attained(theta, np.array([1e-2 * low]))[0]
+        low = low_end(
+            lambda points: np.exp(self._attained(theta, points)),
+            min(1e-4 * bends[0], self.objective.omega[0]),
+            WEAKEST * bends[0],
+        )
         high = max(1e2 * bends[-1], self.objective.omega[-1])
         extra = [resonances(self.specification.plant), bends, self.objective.omega]
         omega = grid(low, high, 2 * POINTS_PER_DECADE, extra)
