@@ -105,7 +105,12 @@ def minimise(
         model = _Model(objective, box, B, radius, bundle)
         step = model.step(here)
         if step is None or step.promise < tolerance:
-            break
+            if not bundle:
+                break
+            # Planes of points too far off may hide a descent, and so may the curvature that
+            # gradients on both sides of a bend pretend.
+            bundle, B = [], np.eye(here.theta.size) * FIRST_CURVATURE
+            continue
         there = objective.evaluate(box.clip(here.theta + step.d), near=here)
         if not here.merit - there.merit > ENOUGH * step.promise:
             step, there = _corrected(model, here, step, there)
