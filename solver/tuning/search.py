@@ -76,6 +76,9 @@ class Candidate:
     excess: float
 
 
+_Found = Evaluation | Optimum | Candidate
+
+
 class GroupingSearch:
     """The search for one grouping.
 
@@ -149,7 +152,7 @@ class GroupingSearch:
         """
         found = [optimum.count for optimum in self.optima if optimum.count > 0]
         w, N = len(found), sum(found)
-        return N > w + 2 and w * (N - 1) / (N - w - 2) < w + 0.5
+        return w > 0 and w * (N - 1) < (w + 0.5) * (N - w - 2)
 
     def starts(self, count: int) -> NDArray[np.float64]:
         """Return starting points (count, m), well spread over the box, that the seed fixes.
@@ -322,7 +325,7 @@ class GroupingSearch:
             theta = theta + gains
         return None
 
-    def _known(self, found: Evaluation | Candidate) -> int | None:
+    def _known(self, found: _Found) -> int | None:
         """Index of the optimum that these settings stand for; None: none yet."""
         for index, optimum in enumerate(self.optima):
             if abs(optimum.value - found.value) < SAME_VALUE:
@@ -331,7 +334,7 @@ class GroupingSearch:
                     return index
         return None
 
-    def _remember(self, found: Evaluation | Candidate, count: int = 1) -> None:
+    def _remember(self, found: _Found, count: int) -> None:
         index = self._known(found)
         if index is None:
             self.optima.append(Optimum(found.theta, found.value, count))
