@@ -6,7 +6,7 @@ import json
 
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, generate_latest
 
-from service.jobs.records import Claim, JobStatus, Outcome
+from service.jobs.records import Ended, JobStatus
 
 __all__ = ["Metrics"]
 
@@ -52,16 +52,18 @@ class Metrics:
         """Note an answered request."""
         self._latency.labels(method, route, status).observe(seconds)
 
-    def observe_job(self, claim: Claim, outcome: Outcome, seconds: float) -> None:
+    def observe_job(self, ended: Ended) -> None:
         """Note a job that ended."""
-        request = json.loads(claim.request)
+        request = json.loads(ended.claim.request)
         plant = request["plant"]
         units = plant["n"] if "n" in plant else len(plant["elements"])
         bound = next((bound for bound in _UNITS if units <= bound), None)
         label = "more" if bound is None else f"up to {bound}"
-        reason = "" if outcome.error is None else json.loads(outcome.error)["type"]
+        error = ended.outcome.error
+        reason = "" if error is None else json.loads(error)["type"]
+        seconds = ended.finished_at - ended.claim.started_at
         self._durations.labels(request["objective"], label).observe(seconds)
-        self._ended.labels(outcome.status, reason).inc()
+        self._ended.labels(ended.outcome.status, reason).inc()
 
     def render(self, counts: dict[JobStatus, int], workers: int, refused: int) -> bytes:
         """Return the metrics in Prometheus's text format."""

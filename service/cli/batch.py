@@ -18,7 +18,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from service.cli.outcomes import ExitCode, read_input, reported, say
 from service.jobs.engine import Engine, EngineLostError, WorkerLostError
-from service.jobs.records import Claim, JobStatus, Outcome
+from service.jobs.records import JobStatus, Outcome
 from service.problems import UnavailableError, describe
 from service.schemas import Fault, RequestError, canonical, parse_tuning_request
 from service.settings import Settings
@@ -175,8 +175,7 @@ class _Batch:
         lost = 0
         while True:
             try:
-                claim = Claim(str(index), item.request, item.time_limit, lost)
-                outcome = await engine.run(claim, _ignore)
+                outcome = await engine.run(item.request, item.time_limit, _ignore)
             except WorkerLostError:
                 lost += 1
                 if lost < max_attempts:

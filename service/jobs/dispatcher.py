@@ -8,11 +8,11 @@ import json
 import logging
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from service.jobs.engine import Engine, EngineLostError, WorkerLostError
 from service.jobs.queue import Queue
-from service.jobs.records import Claim, JobStatus, Outcome, Priority, Snapshot
+from service.jobs.records import Claim, Ended, JobStatus, Outcome, Priority, Turn
 from service.jobs.transactions import StoreUnavailableError
 from service.jobs.watch import Watcher
 from service.problems import WorkerDiedError, describe
@@ -20,7 +20,6 @@ from service.problems import WorkerDiedError, describe
 __all__ = ["Dispatcher"]
 
 _POLL = 0.25  # seconds: how late a request of another process is seen
-_MOMENT = 0.05  # seconds between looks for cancelled jobs, however often this wakes
 _RETRY = 1.0  # seconds between tries to write to a database that does not answer
 _DRAIN = 10.0  # seconds for the running jobs to stop at shutdown
 _PATIENCE = 0.25  # seconds that an interactive job waits before one of a batch makes room for it
@@ -28,12 +27,11 @@ _PATIENCE = 0.25  # seconds that an interactive job waits before one of a batch 
 logger = logging.getLogger(__name__)
 
 
-@dataclass
+@dataclass(eq=False)
 class _Run:
     """A job on the engine."""
 
     claim: Claim
-    since: float = field(default_factory=time.monotonic)
     task: asyncio.Task[None] | None = None
 
     def stop(self) -> None:
@@ -56,7 +54,7 @@ class Dispatcher:
     watcher : Watcher
         Told of each write that somebody may wait for.
     on_end : callable
-        Told of each job that ended: the claim, its outcome, and the seconds it ran.
+        Told of each job that ended.
 
     """
 
@@ -66,7 +64,7 @@ class Dispatcher:
         engine: Engine,
         max_attempts: int,
         watcher: Watcher,
-        on_end: Callable[[Claim, Outcome, float], None],
+        on_end: Callable[[Ended], None],
     ) -> None:
         self._queue = queue
         self._engine = engine
@@ -74,9 +72,9 @@ class Dispatcher:
         self._watcher = watcher
         self._on_end = on_end
         self._wake = asyncio.Event()
-        self._runs: dict[str, _Run] = {}
+        self._runs: set[_Run] = set()
+        self._ended: list[Ended] = []
         self._progress: dict[str, tuple[float, float | None]] = {}
-        self._next_look = 0.0
 
     def wake(self) -> None:
         """Look at the queue now."""
@@ -87,40 +85,60 @@ class Dispatcher:
         await self._insist(self._queue.requeue_all)
         try:
             while True:
+                self._wake.clear()
                 try:
                     await self._round()
                 except StoreUnavailableError as error:
                     logger.warning("the database does not answer: %s", error)
+                    await asyncio.sleep(_RETRY)
                 with contextlib.suppress(TimeoutError):
                     async with asyncio.timeout(_POLL):
                         await self._wake.wait()
-                self._wake.clear()
         finally:
             await self._drain()
 
     async def _round(self) -> None:
-        if self._engine.idle:
-            for claim in await asyncio.to_thread(self._queue.claim, self._engine.idle):
-                # The earlier run of a job that was put back may just be ending.
-                run = self._runs[claim.id] = _Run(claim)
-                run.task = asyncio.create_task(self._run(run))
-        elif any(run.claim.priority is Priority.BATCH for run in self._runs.values()):
-            await self._make_room()
-        if self._progress:
-            progress, self._progress = self._progress, {}
-            await asyncio.to_thread(self._queue.record_progress, progress)
+        """Tell the queue what happened, and begin, cancel and make room as it says."""
+        progress, self._progress = self._progress, {}
+        runs = {run.claim.id: run for run in self._runs}
+        idle = max(self._engine.workers - len(self._runs), 0)
+        turn = await self._exchange(progress, list(runs), idle)
+        for claim in turn.claims:
+            self._begin(claim)
+        for job_id in turn.cancelled:
+            runs[job_id].stop()
+        if turn.waiting:
+            self._make_room(turn.waiting)
+        if progress:
             self._watcher.poke()
-        if self._runs and time.monotonic() >= self._next_look:
-            self._next_look = time.monotonic() + _MOMENT
-            for job_id in await asyncio.to_thread(self._queue.cancellations, list(self._runs)):
-                if job_id in self._runs:
-                    self._runs[job_id].stop()
 
-    async def _make_room(self) -> None:
+    async def _exchange(
+        self, progress: dict[str, tuple[float, float | None]], running: list[str], idle: int
+    ) -> Turn:
+        """Exchange with the queue; what could not be written stays for the next time."""
+        ended, self._ended = self._ended, []
+        try:
+            turn = await asyncio.to_thread(
+                self._queue.exchange, ended, progress, running, idle, _PATIENCE
+            )
+        except BaseException:
+            self._ended = ended + self._ended
+            raise
+        for one in ended:
+            if one.claim.id in turn.written:
+                self._watcher.tell(one)
+                self._on_end(one)
+        return turn
+
+    def _begin(self, claim: Claim) -> None:
+        run = _Run(claim)
+        self._runs.add(run)
+        run.task = asyncio.create_task(self._run(run))
+
+    def _make_room(self, waiting: int) -> None:
         """Put the youngest jobs of batches back for interactive ones that have waited."""
-        waiting = await asyncio.to_thread(self._queue.interactive_since, time.time() - _PATIENCE)
-        of_batch = [run for run in self._runs.values() if run.claim.priority is Priority.BATCH]
-        of_batch.sort(key=lambda run: run.since, reverse=True)
+        of_batch = [run for run in self._runs if run.claim.priority is Priority.BATCH]
+        of_batch.sort(key=lambda run: run.claim.started_at, reverse=True)
         for run in of_batch[:waiting]:
             run.stop()
 
@@ -131,44 +149,40 @@ class Dispatcher:
             self._progress[claim.id] = (fraction, best)
 
         try:
-            await self._finish(run, await self._engine.run(claim, note))
+            self._end(claim, await self._engine.run(claim.request, claim.time_limit, note))
         except WorkerLostError:
-            await self._after_loss(run)
+            await self._after_loss(claim)
         except (EngineLostError, asyncio.CancelledError):
             # A job to be cancelled ends with this; any other goes back into the queue.
             await self._put_back(self._queue.requeue, [claim.id])
         except Exception as error:
             logger.exception("job %s", claim.id)
-            await self._finish(run, Outcome(JobStatus.FAILED, error=json.dumps(describe(error))))
+            self._end(claim, Outcome(JobStatus.FAILED, error=json.dumps(describe(error))))
         finally:
-            if self._runs.get(claim.id) is run:
-                self._progress.pop(claim.id, None)
-                del self._runs[claim.id]
+            self._runs.discard(run)
 
-    async def _after_loss(self, run: _Run) -> None:
-        attempts = run.claim.attempts + 1
-        logger.warning("job %s lost its worker, attempt %d", run.claim.id, attempts)
+    async def _after_loss(self, claim: Claim) -> None:
+        attempts = claim.attempts + 1
+        logger.warning("job %s lost its worker, attempt %d", claim.id, attempts)
         if attempts < self._max_attempts:
-            await self._put_back(self._queue.requeue_after_loss, run.claim.id)
+            await self._put_back(self._queue.requeue_after_loss, claim.id)
             return
         detail = f"The worker process died in each of {attempts} attempts."
         error = json.dumps(describe(WorkerDiedError(detail)))
-        await self._finish(run, Outcome(JobStatus.FAILED, error=error))
+        self._end(claim, Outcome(JobStatus.FAILED, error=error))
 
     async def _put_back(self, write: Callable[..., object], *arguments: object) -> None:
         await self._insist(write, *arguments)
         self._watcher.poke()
         self.wake()
 
-    async def _finish(self, run: _Run, outcome: Outcome) -> None:
+    def _end(self, claim: Claim, outcome: Outcome) -> None:
+        """Leave the end of a job to the next round, which writes it."""
         if outcome.status is JobStatus.CANCELLED:  # it was stopped, but not by us: run it again
             raise EngineLostError
-        await self._insist(self._queue.finish, run.claim.id, outcome)
-        if outcome.status is JobStatus.SUCCEEDED:
-            self._watcher.tell(run.claim.id, Snapshot(outcome.status, 1.0, outcome.best))
-        else:
-            self._watcher.poke()
-        self._on_end(run.claim, outcome, time.monotonic() - run.since)
+        self._progress.pop(claim.id, None)
+        self._ended.append(Ended(claim, outcome, time.time()))
+        self.wake()
 
     async def _insist(self, write: Callable[..., object], *arguments: object) -> None:
         """Write, and try again until the database takes it: the result must not be lost."""
@@ -182,8 +196,13 @@ class Dispatcher:
                 return
 
     async def _drain(self) -> None:
-        tasks = [run.task for run in self._runs.values() if run.task is not None]
-        for run in self._runs.values():
+        tasks = [run.task for run in self._runs if run.task is not None]
+        for run in self._runs:
             run.stop()
-        if tasks:  # what the database does not take in time is put back at the next start
-            await asyncio.wait(tasks, timeout=_DRAIN)
+        # What the database does not take in time is put back at the next start.
+        with contextlib.suppress(StoreUnavailableError, TimeoutError):
+            async with asyncio.timeout(_DRAIN):
+                if tasks:
+                    await asyncio.wait(tasks)
+                if self._ended:
+                    await self._exchange({}, [], 0)

@@ -23,14 +23,14 @@ from distributed import Actor, Client, Future, KilledWorker, LocalCluster, Nanny
 from distributed.comm import CommClosedError
 
 from service.jobs import processes
-from service.jobs.records import Claim, JobStatus, Outcome
+from service.jobs.records import JobStatus, Outcome
 from service.jobs.work import TOPIC, Solver
 from service.problems import TimeLimitError, describe
 
 __all__ = ["Engine", "EngineLostError", "WorkerLostError"]
 
 VERSION = version("mutune")
-_NICE = 5  # priority of workers: below that of whoever waits for an answer
+_NICE = 10  # priority of workers: below that of whoever waits for an answer
 _POLL = 0.5  # seconds between looks at the cluster: how soon a new worker gets work
 _GRACE = 2.0  # seconds that a stopped task gets to answer; its callback runs every 0.2 s
 _PLACING = 10.0  # seconds for a worker to take its actor
@@ -128,7 +128,10 @@ class Engine:
             await self._cluster.close()
 
     async def run(
-        self, claim: Claim, on_progress: Callable[[float, float | None], None]
+        self,
+        request: str,
+        time_limit: float,
+        on_progress: Callable[[float, float | None], None],
     ) -> Outcome:
         """Run one tuning to its end on an idle worker.
 
@@ -147,16 +150,18 @@ class Engine:
         worker = min(idle)
         run = self._busy[worker] = _Run(on_progress)
         try:
-            return await self._run_on(self._client, worker, run, claim)
+            return await self._run_on(self._client, worker, run, request, time_limit)
         finally:
             del self._busy[worker]
             self._on_idle()
 
-    async def _run_on(self, client: Client, worker: str, run: _Run, claim: Claim) -> Outcome:
+    async def _run_on(
+        self, client: Client, worker: str, run: _Run, request: str, time_limit: float
+    ) -> Outcome:
         actor = self._solvers[worker].actor
-        run.solving = asyncio.ensure_future(_solve(actor, run.call, claim.request))
+        run.solving = asyncio.ensure_future(_solve(actor, run.call, request))
         try:
-            limit = claim.time_limit + _OVERTIME
+            limit = time_limit + _OVERTIME
             done, _ = await asyncio.wait({run.solving}, timeout=limit)
             if not done:
                 await self._stop(client, worker, run)

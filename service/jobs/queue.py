@@ -9,14 +9,67 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
 
-from sqlalchemy import ColumnElement, case, delete, func, select, true, update
+from sqlalchemy import (
+    ColumnElement,
+    Connection,
+    Integer,
+    bindparam,
+    case,
+    delete,
+    func,
+    select,
+    true,
+    update,
+)
 
 from service.jobs.models import BatchRow, JobRow
-from service.jobs.records import FINAL, UNFINISHED, Claim, JobStatus, Outcome, Priority
+from service.jobs.records import FINAL, UNFINISHED, Claim, Ended, JobStatus, Priority, Turn
 from service.jobs.transactions import Transactions
 
 __all__ = ["Queue"]
+
+
+# Statements are built once: building costs several times as much as executing.
+_NEXT = (
+    select(JobRow.id, JobRow.request, JobRow.time_limit, JobRow.attempts, JobRow.priority)
+    .where(JobRow.status == JobStatus.QUEUED)
+    .order_by(JobRow.priority, JobRow.sequence)
+    .limit(bindparam("idle", type_=Integer))
+    .with_for_update(skip_locked=True)
+)
+_START = (
+    update(JobRow)
+    .where(JobRow.id == bindparam("job"))
+    .values(status=JobStatus.RUNNING, started_at=bindparam("now"))
+)
+_PROGRESS = (
+    update(JobRow)
+    .where(JobRow.id == bindparam("job"), JobRow.status == JobStatus.RUNNING)
+    .values(fraction=bindparam("done"), best=bindparam("reached"))
+)
+_WANTED = select(JobRow.id).where(
+    JobRow.id.in_(bindparam("jobs", expanding=True)), JobRow.cancel_requested.is_(False)
+)
+_WAITING = (
+    select(func.count())
+    .select_from(JobRow)
+    .where(JobRow.status == JobStatus.QUEUED)
+    .where(JobRow.priority == Priority.INTERACTIVE, JobRow.created_at < bindparam("before"))
+)
+_END = (
+    update(JobRow)
+    .where(JobRow.id == bindparam("job"), JobRow.status.in_(UNFINISHED))
+    .values(
+        status=bindparam("ending"),
+        result=bindparam("document"),
+        error=bindparam("problem"),
+        finished_at=bindparam("now"),
+    )
+)
+_END_WITH_RESULT = _END.values(best=bindparam("reached"))
+_END_SUCCEEDED = _END_WITH_RESULT.values(fraction=1.0)
 
 
 class Queue:
@@ -32,84 +85,56 @@ class Queue:
     def __init__(self, transactions: Transactions) -> None:
         self._transactions = transactions
 
-    def claim(self, limit: int) -> list[Claim]:
-        """Take the next jobs from the queue: interactive before batch, then oldest first."""
-        # Not durable: after a power cut the job is in the queue, where it would be put anyway.
-        with self._transactions.writing(durable=False) as connection:
-            rows = connection.execute(
-                select(
-                    JobRow.id,
-                    JobRow.request,
-                    JobRow.time_limit,
-                    JobRow.attempts,
-                    JobRow.priority,
-                )
-                .where(JobRow.status == JobStatus.QUEUED)
-                .order_by(JobRow.priority, JobRow.sequence)
-                .limit(limit)
-                .with_for_update(skip_locked=True)
-            ).all()
-            if rows:
+    def exchange(
+        self,
+        ended: Sequence[Ended],
+        progress: Mapping[str, tuple[float, float | None]],
+        running: Sequence[str],
+        idle: int,
+        patience: float,
+    ) -> Turn:
+        """Write what happened and return what is to happen next, in one transaction.
+
+        Parameters
+        ----------
+        ended : sequence of Ended
+            Jobs that ended; one that had ended before stays as it is.
+        progress : mapping
+            Fraction done and best value so far, by job.
+        running : sequence of str
+            Jobs that are still running.
+        idle : int
+            Jobs that may begin: interactive before batch, then oldest first.
+        patience : float
+            Seconds after which an interactive job counts as waiting.
+
+        """
+        now = time.time()
+        with self._transaction(ended, writes=bool(ended or progress or idle)) as connection:
+            written = frozenset(one.claim.id for one in ended if _end(connection, one))
+            if progress:
                 connection.execute(
-                    update(JobRow)
-                    .where(JobRow.id.in_([row.id for row in rows]))
-                    .values(status=JobStatus.RUNNING, started_at=time.time())
+                    _PROGRESS,
+                    [
+                        {"job": job, "done": fraction, "reached": best}
+                        for job, (fraction, best) in progress.items()
+                    ],
                 )
-        return [
-            Claim(row.id, row.request, row.time_limit, row.attempts, Priority(row.priority))
-            for row in rows
-        ]
+            kept = set(connection.scalars(_WANTED, {"jobs": running})) if running else set()
+            waiting = 0
+            if running and not idle:
+                waiting = connection.scalar(_WAITING, {"before": now - patience}) or 0
+            claims = _claim(connection, idle, now) if idle else []
+        return Turn(claims, frozenset(running) - kept, waiting, written)
 
-    def interactive_since(self, before: float) -> int:
-        """Return the number of interactive jobs in the queue since before the time `before`."""
-        with self._transactions.reading() as connection:
-            count = connection.scalar(
-                select(func.count())
-                .select_from(JobRow)
-                .where(JobRow.status == JobStatus.QUEUED)
-                .where(JobRow.priority == Priority.INTERACTIVE, JobRow.created_at < before)
-            )
-        return count or 0
-
-    def record_progress(self, progress: Mapping[str, tuple[float, float | None]]) -> None:
-        """Note fraction done and best value so far of running jobs."""
-        with self._transactions.writing(durable=False) as connection:
-            for job_id, (fraction, best) in progress.items():
-                connection.execute(
-                    update(JobRow)
-                    .where(JobRow.id == job_id, JobRow.status == JobStatus.RUNNING)
-                    .values(fraction=fraction, best=best)
-                )
-
-    def cancellations(self, job_ids: Sequence[str]) -> list[str]:
-        """Return those of the jobs that are to be cancelled, or that no longer exist."""
-        with self._transactions.reading() as connection:
-            wanted = connection.scalars(
-                select(JobRow.id)
-                .where(JobRow.id.in_(job_ids))
-                .where(JobRow.cancel_requested.is_(False))
-            ).all()
-        return [job_id for job_id in job_ids if job_id not in wanted]
-
-    def finish(self, job_id: str, outcome: Outcome) -> bool:
-        """Write how a job ended; return whether it had not ended before."""
-        values = {
-            "status": outcome.status,
-            "result": outcome.result,
-            "error": outcome.error,
-            "finished_at": time.time(),
-        }
-        if outcome.result is not None:
-            values["best"] = outcome.best
-        if outcome.status is JobStatus.SUCCEEDED:
-            values["fraction"] = 1.0
-        with self._transactions.writing() as connection:
-            done = connection.execute(
-                update(JobRow)
-                .where(JobRow.id == job_id, JobRow.status.in_(UNFINISHED))
-                .values(**values)
-            )
-        return bool(done.rowcount)
+    def _transaction(
+        self, ended: Sequence[Ended], *, writes: bool
+    ) -> AbstractContextManager[Connection]:
+        if not writes:
+            return self._transactions.reading()
+        # A result must survive a power cut. After one, what was only begun is in the queue, where
+        # it would be put anyway.
+        return self._transactions.writing(durable=bool(ended))
 
     def requeue(self, job_ids: Sequence[str]) -> None:
         """Put running jobs back into the queue; those to be cancelled are cancelled."""
@@ -160,3 +185,31 @@ class Queue:
                 delete(BatchRow).where(BatchRow.created_at < before, ~alive)
             )
         return int(jobs.rowcount + batches.rowcount)
+
+
+def _end(connection: Connection, ended: Ended) -> bool:
+    """Write how a job ended; return whether it had not ended before."""
+    outcome = ended.outcome
+    values = {
+        "job": ended.claim.id,
+        "ending": outcome.status,
+        "document": outcome.result,
+        "problem": outcome.error,
+        "now": ended.finished_at,
+    }
+    statement = _END
+    if outcome.result is not None:
+        values["reached"] = outcome.best
+        succeeded = outcome.status is JobStatus.SUCCEEDED
+        statement = _END_SUCCEEDED if succeeded else _END_WITH_RESULT
+    return bool(connection.execute(statement, values).rowcount)
+
+
+def _claim(connection: Connection, idle: int, now: float) -> list[Claim]:
+    rows = connection.execute(_NEXT, {"idle": idle}).all()
+    if rows:
+        connection.execute(_START, [{"job": row.id, "now": now} for row in rows])
+    return [
+        Claim(row.id, row.request, row.time_limit, row.attempts, Priority(row.priority), now)
+        for row in rows
+    ]

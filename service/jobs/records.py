@@ -11,12 +11,14 @@ __all__ = [
     "Batch",
     "BatchItem",
     "Claim",
+    "Ended",
     "Job",
     "JobStatus",
     "NewJob",
     "Outcome",
     "Priority",
     "Snapshot",
+    "Turn",
 ]
 
 
@@ -85,7 +87,8 @@ class Claim:
     request: str
     time_limit: float
     attempts: int
-    priority: Priority = Priority.BATCH
+    priority: Priority
+    started_at: float
 
 
 @dataclass(frozen=True)
@@ -96,6 +99,43 @@ class Outcome:
     result: str | None = None
     error: str | None = None
     best: float | None = None
+
+
+@dataclass(frozen=True)
+class Ended:
+    """A claimed job that has ended, how and when."""
+
+    claim: Claim
+    outcome: Outcome
+    finished_at: float
+
+    @property
+    def snapshot(self) -> Snapshot:
+        """State of a job that succeeded."""
+        return Snapshot(self.outcome.status, 1.0, self.outcome.best)
+
+
+@dataclass(frozen=True)
+class Turn:
+    """What the queue has for the dispatcher.
+
+    Parameters
+    ----------
+    claims : list of Claim
+        Jobs to run next.
+    cancelled : frozenset of str
+        Running jobs that are to be cancelled, or that no longer exist.
+    waiting : int
+        Interactive jobs that wait for a worker.
+    written : frozenset of str
+        Jobs whose end counts, because they had not ended before.
+
+    """
+
+    claims: list[Claim]
+    cancelled: frozenset[str]
+    waiting: int
+    written: frozenset[str]
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,10 @@ from typing import Any
 from sqlalchemy import (
     ColumnElement,
     Connection,
+    Integer,
     Row,
     Select,
+    bindparam,
     func,
     insert,
     null,
@@ -86,9 +88,7 @@ class Store:
         try:
             with self._transactions.writing() as connection:
                 self._check_room(connection, owner, 1)
-                sequence = connection.execute(
-                    insert(JobRow).returning(JobRow.sequence), row
-                ).scalar_one()
+                sequence = connection.execute(_INSERT, row).scalar_one()
         except IntegrityError:
             return self.get(owner, self._accepted_before(JobRow, owner, row))
         # As it was written, and nobody has changed it yet: no need to read it back.
@@ -131,11 +131,7 @@ class Store:
         return self.get_batch(owner, str(batch["id"]))
 
     def _check_room(self, connection: Connection, owner: str, more: int) -> None:
-        unfinished = connection.scalar(
-            select(func.count())
-            .select_from(JobRow)
-            .where(JobRow.owner == owner, JobRow.status.in_(UNFINISHED))
-        )
+        unfinished = connection.scalar(_UNFINISHED, {"caller": owner})
         if (unfinished or 0) + more > self._max_queued:
             raise QueueFullError
 
@@ -194,11 +190,7 @@ class Store:
         """Return items of a batch from position `start` on, in order."""
         with self._transactions.reading() as connection:
             rows = connection.execute(
-                select(BatchItemRow.position, JobRow.id, JobRow.status, JobRow.result, JobRow.error)
-                .join(JobRow, BatchItemRow.job_id == JobRow.id)
-                .where(BatchItemRow.batch_id == batch_id, BatchItemRow.position >= start)
-                .order_by(BatchItemRow.position)
-                .limit(limit)
+                _ITEMS, {"batch": batch_id, "start": start, "count": limit}
             ).all()
         return [
             BatchItem(row.position, row.id, Outcome(JobStatus(row.status), row.result, row.error))
@@ -215,9 +207,7 @@ class Store:
 
         """
         with self._transactions.reading() as connection:
-            row = connection.execute(
-                _JOBS.where(JobRow.id == job_id, JobRow.owner == owner)
-            ).one_or_none()
+            row = connection.execute(_JOB, {"job": job_id, "caller": owner}).one_or_none()
         if row is None:
             raise KeyError(job_id)
         return _job(row)
@@ -262,9 +252,8 @@ class Store:
 
     def snapshots(self, job_ids: Iterable[str]) -> dict[str, Snapshot]:
         """Return the state of each job that exists."""
-        query = select(JobRow.id, JobRow.status, JobRow.fraction, JobRow.best)
         with self._transactions.reading() as connection:
-            rows = connection.execute(query.where(JobRow.id.in_(list(job_ids)))).all()
+            rows = connection.execute(_SNAPSHOTS, {"jobs": list(job_ids)}).all()
         return {row.id: _snapshot(row) for row in rows}
 
     def counts(self) -> dict[JobStatus, int]:
@@ -312,8 +301,28 @@ _COLUMNS = (
     JobRow.request,
     JobRow.error,
 )
-_JOBS: Select[*tuple[Any, ...]] = select(*_COLUMNS, JobRow.result)
+# Statements are built once: building costs several times as much as executing.
+_JOB: Select[*tuple[Any, ...]] = select(*_COLUMNS, JobRow.result).where(
+    JobRow.id == bindparam("job"), JobRow.owner == bindparam("caller")
+)
 _SUMMARIES: Select[*tuple[Any, ...]] = select(*_COLUMNS, null().label("result"))
+_SNAPSHOTS = select(JobRow.id, JobRow.status, JobRow.fraction, JobRow.best).where(
+    JobRow.id.in_(bindparam("jobs", expanding=True))
+)
+_ITEMS = (
+    select(BatchItemRow.position, JobRow.id, JobRow.status, JobRow.result, JobRow.error)
+    .join(JobRow, BatchItemRow.job_id == JobRow.id)
+    .where(BatchItemRow.batch_id == bindparam("batch"))
+    .where(BatchItemRow.position >= bindparam("start"))
+    .order_by(BatchItemRow.position)
+    .limit(bindparam("count", type_=Integer))
+)
+_UNFINISHED = (
+    select(func.count())
+    .select_from(JobRow)
+    .where(JobRow.owner == bindparam("caller"), JobRow.status.in_(UNFINISHED))
+)
+_INSERT = insert(JobRow).returning(JobRow.sequence)
 
 
 def _snapshot(row: Row[*tuple[Any, ...]]) -> Snapshot:

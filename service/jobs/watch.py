@@ -7,7 +7,7 @@ import logging
 from collections.abc import AsyncIterator, Iterator
 from contextlib import contextmanager, suppress
 
-from service.jobs.records import FINAL, Snapshot
+from service.jobs.records import FINAL, Ended, JobStatus, Snapshot
 from service.jobs.store import Store
 from service.jobs.transactions import StoreUnavailableError
 
@@ -25,6 +25,7 @@ class _Watched:
     def __init__(self) -> None:
         self.watchers = 0
         self.state: Snapshot | None = None
+        self.ended: Ended | None = None
         self.changed = asyncio.Event()
 
     def become(self, state: Snapshot | None) -> None:
@@ -69,11 +70,15 @@ class Watcher:
         """Look now: this process has just written."""
         self._poke.set()
 
-    def tell(self, job_id: str, state: Snapshot) -> None:
-        """Tell the watchers of a job what this process has just written of it."""
-        watched = self._watched.get(job_id)
+    def tell(self, ended: Ended) -> None:
+        """Tell the watchers of a job that it has ended, as this process has just written."""
+        if ended.outcome.status is not JobStatus.SUCCEEDED:
+            self.poke()  # how far it was is in the table
+            return
+        watched = self._watched.get(ended.claim.id)
         if watched is not None:
-            watched.become(state)
+            watched.ended = ended
+            watched.become(ended.snapshot)
 
     async def run(self) -> None:
         """Look at the table, for ever."""
@@ -129,14 +134,21 @@ class Watcher:
                 await changed.wait()
                 changed, state = watched.changed, watched.state
 
-    async def wait(self, job_id: str, seconds: float) -> None:
+    async def wait(self, job_id: str, seconds: float) -> Ended | None:
         """Return when the job has ended or the time is over.
 
         The state at the beginning is that of the next look, so this asks nothing by itself.
+
+        Returns
+        -------
+        Ended or None
+            The end, where it succeeded and this process wrote that meanwhile.
+
         """
         with self._watching(job_id) as watched, suppress(TimeoutError):
             async with asyncio.timeout(seconds):
                 while not self._closed:
                     if watched.state is not None and watched.state.status in FINAL:
-                        return
+                        return watched.ended
                     await watched.changed.wait()
+        return None

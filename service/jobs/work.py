@@ -10,6 +10,7 @@ from collections.abc import Callable
 import numpy as np
 from distributed import Status as WorkerStatus
 from distributed import Worker, get_worker
+from pydantic_core import to_json
 
 import service.schemas
 import solver.tuning
@@ -21,7 +22,7 @@ from solver.results import Progress, Status, Tuning
 __all__ = ["TOPIC", "Solver"]
 
 TOPIC = "mutune"
-_REPORT_EVERY = 0.1  # seconds; a watcher sees no finer steps
+_REPORT_EVERY = 0.25  # seconds: each report wakes three event loops
 
 logger = logging.getLogger(__name__)
 
@@ -110,7 +111,8 @@ def _outcome(request: str, report: _Reporter) -> Outcome:
     except Exception as error:
         logger.exception("a tuning failed")
         return Outcome(JobStatus.FAILED, error=json.dumps(describe(error)))
-    result = json.dumps(service.schemas.tuning_to_json(tuning), separators=(",", ":"))
+    # Pydantic's writer takes a tenth of the time of the standard library's.
+    result = to_json(service.schemas.tuning_to_json(tuning)).decode()
     timed_out = tuning.status is Status.TIME_LIMIT
     status = JobStatus.TIMED_OUT if timed_out else JobStatus.SUCCEEDED
     return Outcome(status, result, best=_reached(tuning))

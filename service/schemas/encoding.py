@@ -38,6 +38,8 @@ def encode(value: Any) -> Any:  # noqa: ANN401, C901, PLR0911 - one case for eac
             return value if math.isfinite(value) else None
         case complex():
             return {"re": encode(value.real), "im": encode(value.imag)}
+        case np.ndarray() if value.dtype == float and np.isfinite(value).all():
+            return value.tolist()  # long curves: no need to look at each number
         case np.ndarray() | np.generic():
             return encode(value.tolist())
         case Mapping():

@@ -14,7 +14,7 @@ from sqlalchemy import Engine, delete, event, func, select, text
 from service.jobs import database
 from service.jobs.models import BatchItemRow, BatchRow, JobRow
 from service.jobs.queue import Queue
-from service.jobs.records import JobStatus, NewJob, Outcome, Priority
+from service.jobs.records import Claim, Ended, JobStatus, NewJob, Outcome, Priority
 from service.jobs.store import IdempotencyConflictError, QueueFullError, Store
 from service.jobs.transactions import StoreUnavailableError, Transactions
 
@@ -61,6 +61,16 @@ def job(number: int = 0) -> NewJob:
     return NewJob(json.dumps({"number": number}), time_limit=60)
 
 
+def claim(queue: Queue, count: int) -> list[Claim]:
+    """Take the next jobs."""
+    return queue.exchange([], {}, [], count, 0.0).claims
+
+
+def finish(queue: Queue, claim: Claim, outcome: Outcome = DONE) -> bool:
+    """Write the end of a job; return whether it counts."""
+    return claim.id in queue.exchange([Ended(claim, outcome, time.time())], {}, [], 0, 0.0).written
+
+
 def rows(engine: Engine) -> list[int]:
     """Return the number of rows in each table."""
     with engine.connect() as connection:
@@ -79,28 +89,28 @@ def test_interactive_before_batch_then_oldest_first(store: Store, queue: Queue) 
     """The queue is served in turn."""
     store.submit_batch("", [job(0), job(1)])
     singles = [store.submit("", job(number)).id for number in (2, 3)]
-    claims = queue.claim(3)
-    assert [claim.id for claim in claims[:2]] == singles
+    claims = claim(queue, 3)
+    assert [one.id for one in claims[:2]] == singles
     assert json.loads(claims[2].request) == {"number": 0}
     assert claims[2].priority is Priority.BATCH
-    assert [json.loads(claim.request)["number"] for claim in queue.claim(9)] == [1]
+    assert [json.loads(one.request)["number"] for one in claim(queue, 9)] == [1]
 
 
 def test_no_job_is_claimed_twice(store: Store, queue: Queue) -> None:
     """Claims at the same time share the queue without overlap."""
     store.submit_batch("", [job(number) for number in range(60)])
     with ThreadPoolExecutor(4) as pool:
-        claims = list(pool.map(queue.claim, [5] * 20))
-    ids = [claim.id for some in claims for claim in some]
+        claims = list(pool.map(lambda count: claim(queue, count), [5] * 20))
+    ids = [one.id for some in claims for one in some]
     assert len(ids) == len(set(ids)) == 60
 
 
 def test_only_the_first_end_counts(store: Store, queue: Queue) -> None:
     """A second result for the same job changes nothing."""
     job_id = store.submit("", job()).id
-    queue.claim(1)
-    assert queue.finish(job_id, DONE)
-    assert not queue.finish(job_id, Outcome(JobStatus.FAILED, error="{}"))
+    (taken,) = claim(queue, 1)
+    assert finish(queue, taken)
+    assert not finish(queue, taken, Outcome(JobStatus.FAILED, error="{}"))
     queue.requeue([job_id])
     queue.requeue_all()
     ended = store.get("", job_id)
@@ -111,10 +121,11 @@ def test_only_the_first_end_counts(store: Store, queue: Queue) -> None:
 def test_running_jobs_go_back_unless_they_are_to_be_cancelled(store: Store, queue: Queue) -> None:
     """When the dispatcher is gone its jobs are queued again; cancelled ones end."""
     kept, dropped = store.submit("", job(0)).id, store.submit("", job(1)).id
-    queue.claim(2)
-    queue.record_progress({kept: (0.5, 1.0)})
+    claim(queue, 2)
     store.cancel("", dropped)
-    assert queue.cancellations([kept, dropped]) == [dropped]
+    turn = queue.exchange([], {kept: (0.5, 1.0)}, [kept, dropped], 0, 0.0)
+    assert turn.cancelled == {dropped}
+    assert store.snapshots([kept])[kept].fraction == 0.5
     queue.requeue_all()
     assert store.snapshots([kept])[kept].status is JobStatus.QUEUED
     assert store.snapshots([kept])[kept].fraction == 0
@@ -132,9 +143,38 @@ def test_lost_workers_are_counted(store: Store, queue: Queue) -> None:
         lambda: queue.requeue_after_loss(job_id),
         queue.requeue_all,
     ):
-        attempts.append(queue.claim(1)[0].attempts)
+        attempts.append(claim(queue, 1)[0].attempts)
         put_back()
     assert attempts == [0, 1, 1, 2]
+
+
+def test_interactive_jobs_that_wait_are_counted(store: Store, queue: Queue) -> None:
+    """The dispatcher hears of interactive jobs that wait while every worker is busy."""
+    store.submit_batch("", [job(0), job(1)])
+    (running,) = claim(queue, 1)
+    assert queue.exchange([], {}, [running.id], 0, 0.0).waiting == 0
+    store.submit("", job(2))
+    assert queue.exchange([], {}, [running.id], 0, 60.0).waiting == 0
+    assert queue.exchange([], {}, [running.id], 0, 0.0).waiting == 1
+
+
+def test_ends_and_what_was_reached_are_written(store: Store, queue: Queue) -> None:
+    """How far a job was stays unless it succeeded; a best result is kept where there is one."""
+    for number in range(3):
+        store.submit("", job(number))
+    claims = claim(queue, 3)
+    queue.exchange([], {one.id: (0.5, 7.0) for one in claims}, [], 0, 0.0)
+    outcomes = (
+        Outcome(JobStatus.SUCCEEDED, result="{}", best=1.0),
+        Outcome(JobStatus.TIMED_OUT, result="{}", best=2.0),
+        Outcome(JobStatus.FAILED, error="{}"),
+    )
+    for one, outcome in zip(claims, outcomes, strict=True):
+        assert finish(queue, one, outcome)
+    ended = [store.get("", one.id) for one in claims]
+    assert [one.snapshot.fraction for one in ended] == [1.0, 0.5, 0.5]
+    assert [one.snapshot.best for one in ended] == [1.0, 2.0, 7.0]
+    assert [one.error for one in ended] == [None, None, "{}"]
 
 
 def test_owners_do_not_see_each_other(store: Store) -> None:
@@ -185,8 +225,8 @@ def test_expired_jobs_and_batches_leave_nothing(store: Store, queue: Queue, engi
     """What ended long ago goes with all its rows; a batch stays until its last job has ended."""
     store.submit("", job(0))
     batch = store.submit_batch("", [job(1), job(2), job(1)])
-    for claim in queue.claim(2):
-        queue.finish(claim.id, DONE)
+    for taken in claim(queue, 2):
+        finish(queue, taken)
     queue.expire(time.time() + 1)
     assert rows(engine) == [2, 1, 3]
     store.cancel_batch("", batch.id)
