@@ -161,8 +161,11 @@ class _Run:
         if not keep:
             self.clock.best = math.inf
         if self.identical is not None:
-            search.descend(np.tile(self.identical.theta, len(search.groups)))
-        for theta in search.starts(count):
+            search.descend(np.tile(self.identical.theta, len(search.groups)), count=0)
+        for left, theta in zip(range(count, 0, -1), search.starts(count), strict=True):
+            if self.specification.starts is None and search.settled:
+                self.clock.total -= left
+                break
             search.descend(theta)
             self.clock.done += 1
             self._tick(math.inf)
