@@ -10,6 +10,7 @@ import numpy as np
 
 from solver.certificate import Certificate, Claim
 from solver.integrity import in_one_line
+from solver.optimality import LowerBound, Optimality
 from solver.plants import ParallelPlant
 from solver.proof import prove
 from solver.results import (
@@ -238,6 +239,7 @@ class _Run:
             curves=curves,
             comparison=self._comparison(search, candidate),
             certificate=certificate,
+            optimality=self._optimality(candidate, value),
             integrity=in_one_line(
                 specification.plant, specification.uncertainty, performance, loops
             ),
@@ -250,6 +252,17 @@ class _Run:
         except _OutOfTimeError:
             self.status = Status.TIME_LIMIT
             return None, ["no certificate: the time limit came first"]
+
+    def _optimality(self, candidate: Candidate, tau_p: float) -> Optimality | None:
+        if not self.specification.optimality_gap:
+            return None
+        # The grouping that permits most; 'best' may have kept identical settings.
+        search = self.searches[-1]
+        bound = LowerBound(search.objective, search.box, peaks=candidate.peaks, tau_p=tau_p)
+        try:
+            return bound.run(lambda: self._tick(math.inf))
+        except _OutOfTimeError:  # the search was not cut short: what is proven is enough
+            return bound.result()
 
     def _chosen(self) -> tuple[GroupingSearch, Candidate] | None:
         if not self.found:
