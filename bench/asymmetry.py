@@ -1,9 +1,10 @@
-"""What unlike settings buy: ``python bench/asymmetry.py``, one batch of about a thousand tunings.
+"""What unlike settings buy: ``python bench/asymmetry.py``, one batch of 810 tunings.
 
 For n = 2 to 12 units, interactions over the whole range -1/(n - 1) < a < 1, three ratios of the
 plant's time constant to the neglected dead time, PI and PID: splits of the units into groups of
 like settings, beside identical settings. Goes through ``mutune batch``, so a run that was stopped
-goes on where it was. Writes bench/asymmetry.csv, which docs/asymmetry.md reads.
+goes on where it was. Writes bench/asymmetry.csv and the figure of docs/asymmetry.md (matplotlib
+comes with the peers that the tests use).
 """
 
 import csv
@@ -12,8 +13,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import matplotlib as mpl
+from matplotlib.figure import Figure
+
 ROOT = Path(__file__).parents[1]
 TABLE = ROOT / "bench" / "asymmetry.csv"
+FIGURE = ROOT / "docs" / "images" / "asymmetry.svg"
 WORK = ROOT / "build" / "asymmetry"
 
 # Of the range of a that integral action permits: a = share where positive, else share / (n - 1).
@@ -33,9 +38,9 @@ def cases():
     for n in (2, 3, 4):
         yield from product(n, BETWEEN, "PI", splits(n))
     yield from product(3, SHARES, "PI", [(1, 1, 1)])  # are two groups enough?
-    for n in (2, 3, 6):  # a PID tuning takes two to four times as long
-        yield from product(n, SHARES, "PID", sorted({(1, n - 1), (n // 2, n - n // 2)}))
-    yield from product(4, SHARES[:3], "PI", [(1, 1, 1, 1)])
+    # A PID tuning takes two to four times as long.
+    for n, shares in ((2, SHARES), (3, SHARES), (6, SHARES[:2])):
+        yield from product(n, shares, "PID", sorted({(1, n - 1), (n // 2, n - n // 2)}))
 
 
 def splits(n):
@@ -82,7 +87,7 @@ def row(case, result):
         "groups": "+".join(map(str, groups)),
         "identical": digits(compared and compared["identical_value"]),
         "grouped": digits(result["tau_p"]),
-        "gain_percent": f"{compared['gain_percent']:.3f}" if compared else "",
+        "gain_percent": f"{round(compared['gain_percent'], 3) + 0:.3f}" if compared else "",
         "k": settings("gain"), "tau_i": settings("integral_time"),
         "tau_d": settings("derivative_time"),
     }  # fmt: skip
@@ -91,6 +96,43 @@ def row(case, result):
 def digits(value):
     """Return six digits; nothing where the demand cannot be met."""
     return f"{value:.6g}" if value else ""
+
+
+def draw(lines):
+    """Draw what the best split of n units buys over a, and each split of twelve."""
+    grey = "#808080"  # readable on white and on black
+    style = dict.fromkeys(
+        ("axes.edgecolor", "axes.labelcolor", "xtick.color", "ytick.color", "text.color"), grey
+    )
+    style |= {"svg.hashsalt": "", "svg.fonttype": "none", "font.size": 9}
+    with mpl.rc_context(style):
+        figure = Figure(figsize=(8, 3.4), layout="constrained")
+        over_a, over_split = figure.subplots(1, 2, sharey=True)
+        for n, color, marker in ((2, "#0072B2", "o"), (4, "#D55E00", "s"), (12, "#009E73", "^")):
+            best = {}
+            for line in lines:
+                if (line["n"], line["kind"], line["ratio"]) == (str(n), "PI", "100"):
+                    share = float(line["share"])
+                    best[share] = max(best.get(share, 0.0), float(line["gain_percent"]))
+            over_a.plot(*zip(*sorted(best.items()), strict=True), color, marker=marker, ms=4,
+                        label=f"n = {n}")  # fmt: skip
+        shares = (("-0.95", "#0072B2", "o"), ("-0.8", "#D55E00", "s"), ("-0.5", "#009E73", "^"))
+        for share, color, marker in shares:
+            gains = [
+                float(line["gain_percent"]) for line in lines
+                if (line["n"], line["kind"], line["ratio"], line["share"])
+                == ("12", "PI", "100", share)
+            ]  # fmt: skip
+            over_split.plot(range(1, 7), gains, color, marker=marker, ms=4, label=f"share {share}")
+        over_a.set(xlabel="a as a share of its range, -1/(n - 1) to 1",
+                   ylabel="reduction of τP by the best split (%)")  # fmt: skip
+        over_split.set(xlabel="units in the smaller group, of 12",
+                       ylabel="reduction of τP by this split (%)")  # fmt: skip
+        for axes in (over_a, over_split):
+            axes.legend(frameon=False)
+            axes.patch.set_alpha(0)
+            axes.tick_params(labelleft=True)
+        figure.savefig(FIGURE, transparent=True, metadata={"Date": None})
 
 
 def main():
@@ -106,6 +148,8 @@ def main():
         writer.writeheader()
         for case, line in zip(tasks, lines, strict=True):
             writer.writerow(row(case, json.loads(line)["result"]))
+    with TABLE.open() as file:
+        draw([line for line in csv.DictReader(file) if line["groups"].count("+") == 1])
 
 
 if __name__ == "__main__":
