@@ -24,18 +24,19 @@ def tau_p(plant, kind, arrangement, seed):
     return tune(task).tau_p or np.inf
 
 
+def cases():
+    """Yield kind, arrangement, tau and a of every case."""
+    for kind in ControllerKind:
+        for arrangement in (Arrangement.IDENTICAL, Arrangement.INDEPENDENT):
+            for tau in (10, 100):
+                for a in (0, 0.827, 0.949, 0.984, 0.995):
+                    yield kind, arrangement, tau, a
+
+
 def main():
     """Print a line a case."""
     seeds = range(int(sys.argv[1]) if len(sys.argv) > 1 else 20)
-    arrangements = (Arrangement.IDENTICAL, Arrangement.INDEPENDENT)
-    cases = [
-        (kind, arrangement, tau, a)
-        for kind in ControllerKind
-        for arrangement in arrangements
-        for tau in (10, 100)
-        for a in (0, 0.827, 0.949, 0.984, 0.995)
-    ]
-    for kind, arrangement, tau, a in cases:
+    for kind, arrangement, tau, a in cases():
         started = time.process_time()
         plant = first_order(2, 1, tau, a)
         found = np.array([tau_p(plant, kind, arrangement, seed) for seed in seeds])

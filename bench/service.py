@@ -2,6 +2,7 @@
 
 ``python bench/service.py [--items N]`` starts `mutune serve` with two workers on an empty
 folder, and measures on this machine. Latencies are those of a client on the loopback address.
+``python bench/service.py --endurance 10000`` measures memory over so many jobs instead.
 """
 
 from __future__ import annotations
@@ -51,6 +52,16 @@ def tuning(seed: int, arrangement: str = "identical") -> dict[str, object]:
     }
 
 
+def short_tuning(seed: int) -> dict[str, object]:
+    """Return a tuning request that takes a tenth of a second."""
+    return {
+        "plant": {**PLANT, "n": 1},
+        "uncertainty": UNCERTAINTY,
+        "controller": {"arrangement": "identical"},
+        "search": {"seed": seed, "starts": 1},
+    }
+
+
 @dataclass(frozen=True)
 class Row:
     """A line of the table."""
@@ -66,17 +77,32 @@ class Bench:
     def __init__(self, client: httpx.AsyncClient, pid: int) -> None:
         self._client = client
         self._pid = pid
+        self._ending = 0.0  # seconds of a solve that its `elapsed_seconds` leave out
+
+    async def endurance(self, jobs: int) -> AsyncIterator[Row]:
+        """Memory while so many short tunings of one unit are computed."""
+        yield self.memory("at the start")
+        for done in range(0, jobs, 500):
+            requests = [short_tuning(seed) for seed in range(done, done + 500)]
+            response = await self._client.post("/v1/batches", json={"tunings": requests})
+            results = (await self._client.get(response.json()["links"]["results"])).text
+            failed = [line for line in results.splitlines() if "result" not in json.loads(line)]
+            if failed:
+                raise RuntimeError(failed[0])
+            yield self.memory(f"after {done + len(requests)} jobs")
 
     async def overhead(self) -> Row:
         """Time of a job beyond its solve, one after another."""
         _ending(0)
-        beyond = []
+        beyond, endings = [], []
         for seed in range(20):
             ending = _ending(seed)  # beside each job: the machine's load changes
+            endings.append(ending)
             begun = time.perf_counter()
             job = await self._tune(tuning(seed))
             total = time.perf_counter() - begun
             beyond.append(total - job["result"]["search"]["elapsed_seconds"] - ending)
+        self._ending = statistics.median(endings)
         value = f"{1000 * statistics.median(beyond):.0f} ms"
         return Row("overhead of a job beyond the solve, median of 20", value, "15 ms")
 
@@ -93,7 +119,8 @@ class Bench:
         accepted = time.perf_counter() - begun
         results = (await self._client.get(links["results"])).text.splitlines()
         seconds = time.perf_counter() - begun
-        solving = sum(json.loads(line)["result"]["search"]["elapsed_seconds"] for line in results)
+        searching = [json.loads(line)["result"]["search"]["elapsed_seconds"] for line in results]
+        solving = sum(searching) + self._ending * len(searching)
         return [
             Row(f"accepting a batch of {items}", f"{accepted:.2f} s", ""),
             Row(
@@ -223,14 +250,18 @@ def _ticks(leader: int, seconds: float) -> int:
     return used() - before
 
 
-async def measure(address: str, pid: int, items: int) -> AsyncIterator[Row]:
-    """Measure everything, a row at a time."""
+async def measure(address: str, pid: int, items: int, endurance: int) -> AsyncIterator[Row]:
+    """Measure everything, or memory over many jobs alone, a row at a time."""
     transport = httpx.AsyncHTTPTransport(retries=20)  # until it listens
     async with httpx.AsyncClient(base_url=address, timeout=3600, transport=transport) as client:
         bench = Bench(client, pid)
         # The first of each starts processes, and waits for the workers.
         await client.post("/v1/robustness", json=ROBUSTNESS)
         await client.post("/v1/tunings", json=tuning(99), headers={"Prefer": "wait=60"})
+        if endurance:
+            async for row in bench.endurance(endurance):
+                yield row
+            return
         yield bench.memory("idle")
         yield await bench.overhead()
         for row in [*await bench.throughput(items), *await bench.beside_a_batch()]:
@@ -253,7 +284,8 @@ def main() -> None:
     parser.add_argument(
         "--items", type=int, default=1000, help="size of the batch whose throughput counts"
     )
-    items = parser.parse_args().items
+    parser.add_argument("--endurance", type=int, default=0, help="jobs; memory over these alone")
+    options = parser.parse_args()
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
@@ -266,7 +298,13 @@ def main() -> None:
             start_new_session=True,
         )
         try:
-            asyncio.run(show(measure(f"http://127.0.0.1:{port}", service.pid, items)))
+            asyncio.run(
+                show(
+                    measure(
+                        f"http://127.0.0.1:{port}", service.pid, options.items, options.endurance
+                    )
+                )
+            )
         finally:
             service.send_signal(signal.SIGTERM)
             service.wait(30)

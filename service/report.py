@@ -24,7 +24,7 @@ from service.figures.tuning import tuning_figures
 from service.rendering import digits, render, source
 from service.schemas import canonical
 from service.tuned import Tuned
-from service.wording import OBJECTIVES, forms, headline, peak_rows
+from service.wording import OBJECTIVES, forms, headline, optimality_text, peak_rows
 from solver.margins import Margins, loop_margins
 from solver.plants import MatrixPlant
 
@@ -66,6 +66,7 @@ def report_html(tuned: Tuned, made_at: datetime, job: str | None = None) -> str:
         elements=_elements(tuned),
         peaks=peak_rows(result.peaks),
         certificate=result.certificate,
+        optimality=optimality_text(result.optimality),
         certificate_link=_data_url(json.dumps(result.certificate)),
         margins=_margins(tuned),
         figures={name: figure.layout.meta for name, figure in drawn.figures.items()},

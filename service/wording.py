@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from service.schemas.robustness import Peaks
-from service.schemas.tunings import TuningResult
+from service.schemas.tunings import Optimality, TuningResult
 from solver.controllers import Controller
 from solver.errors import InvalidInputError
 
@@ -18,6 +18,7 @@ __all__ = [
     "headline",
     "loops_text",
     "number",
+    "optimality_text",
     "peak_rows",
     "units_text",
 ]
@@ -47,6 +48,19 @@ def headline(result: TuningResult, unit: str = TIME_UNIT) -> str:
         found = f"Peak of μ = {number(peak)} at τP = {number(result.tau_p)} {unit}"
     ended = "" if result.status == "optimal" else ", the best up to the time limit"
     return f"{found}{ended}."
+
+
+def optimality_text(proof: Optimality | None) -> str | None:
+    """Return in one sentence how far tau_P is from the least possible one; None if not asked."""
+    if proof is None:
+        return None
+    if not proof.lower_bound:
+        return "How far from the least possible τP: nothing was proven in the time."
+    ended = "" if proof.status == "reached" else " in the time"
+    return (
+        f"Proven{ended}: no settings within the bounds reach a τP below "
+        f"{number(proof.lower_bound)}, {100 * (proof.gap or 0):.3g} % less than here."
+    )
 
 
 def peak_rows(peaks: Peaks | None) -> list[tuple[str, str, str]]:

@@ -118,7 +118,11 @@ class LoopBlocks:
 
     def packed(self, omega: ArrayLike) -> NDArray[np.complex128]:
         """Plants of all blocks below each other, (k, rows, widest block) complex."""
-        responses = self.response(omega)
+        return self.packed_at(1j * np.atleast_1d(np.asarray(omega, dtype=float)))
+
+    def packed_at(self, s: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Return the same at the complex points `s` (k,)."""
+        responses = self(s)
         first = self.layout[2]
         widest = max(block.size for block in self.blocks)
         G = np.zeros((responses[0].shape[0], first[-1], widest), dtype=complex)

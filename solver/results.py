@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from solver.controllers import Controller
     from solver.margins import LoopMargins
     from solver.mu.worst_case import WorstCase
+    from solver.optimality.record import Optimality
 
 __all__ = [
     "Comparison",
@@ -126,7 +127,8 @@ class Tuning:
     """Outcome of a tuning.
 
     `tau_p` (time units) and the peaks belong to `loops`, one a unit, `groups` lists the units
-    that share settings; `integrity` says in one line what happens with loops in manual. Where
+    that share settings; `integrity` says in one line what happens with loops in manual;
+    `optimality` how far tau_p is from the least possible one. Where
     `status` is INFEASIBLE, `reason` and `omega` (the frequency that forbids it, rad per time
     unit) say why, and the other fields are None or empty.
     """
@@ -142,6 +144,7 @@ class Tuning:
     curves: Curves | None
     comparison: Comparison | None = None
     certificate: Certificate | None = None
+    optimality: Optimality | None = None
     integrity: str | None = None
     reason: str | None = None
     omega: float | None = None

@@ -6,7 +6,7 @@ The compiled code is kept beside the modules, so that later processes start with
 from __future__ import annotations
 
 from solver.plants import first_order
-from solver.tuning import Specification, tune
+from solver.tuning import Arrangement, Specification, tune
 from solver.weights import Performance, Uncertainty
 
 __all__ = ["warm"]
@@ -15,7 +15,12 @@ __all__ = ["warm"]
 def warm() -> None:
     """Tune a small plant, and analyse the result: every compiled function is used once."""
     plant = first_order(2, 1.0, 10.0, 0.5)
-    tune(Specification(plant, Uncertainty.from_error(0.2, 1.0), Performance(), starts=1))
+    tune(
+        Specification(
+            plant, Uncertainty.from_error(0.2, 1.0), Performance(),
+            arrangement=Arrangement.IDENTICAL, starts=1, optimality_gap=True,
+        )
+    )  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -12,6 +12,7 @@ from readme import README, blocks, rows
 from touring import ROOT
 
 from service.cli import app
+from service.client import Client
 from service.schemas import RobustnessRequest, TuningRequest, TuningResult
 from service.schemas.controllers import ControllerChoice
 from service.schemas.parsing import parse
@@ -79,6 +80,13 @@ def test_api_guide_lists_every_command() -> None:
     commands = {each.name or each.callback.__name__ for each in app.registered_commands}
     groups = {each.name for each in app.registered_groups}
     assert set(re.findall(r"^\| `mutune ([\w-]+)", guide, re.MULTILINE)) == commands | groups
+
+
+def test_api_guide_lists_every_method_of_the_client() -> None:
+    """docs/api.md names what the Python client can do."""
+    guide = (ROOT / "docs" / "api.md").read_text().split("\n## Python")[1].split("\n## ")[0]
+    methods = {name for name in vars(Client) if not name.startswith("_")} - {"close"}
+    assert methods <= set(re.findall(r"`(\w+)[`(]", guide))
 
 
 def test_api_guide_names_every_field_of_a_tuning() -> None:

@@ -72,11 +72,19 @@ def tune(
             metavar="REPORT.html", help="Write a report to sign and file, one file with figures."
         ),
     ] = None,
+    optimality_gap: Annotated[
+        bool,
+        typer.Option(
+            "--optimality-gap", help="Prove how far the result is from the best possible one."
+        ),
+    ] = False,
 ) -> None:
     """Find the fastest robust loop settings."""
     from service.cli.tuning import tune_file  # noqa: PLC0415 - heavy
 
-    raise typer.Exit(tune_file(request, as_json=as_json, report=report))
+    raise typer.Exit(
+        tune_file(request, as_json=as_json, report=report, optimality_gap=optimality_gap)
+    )
 
 
 @app.command()

@@ -14,7 +14,7 @@ from service.schemas import RobustnessResult, TuningResult
 from service.schemas.margins import LoopMargins
 from service.schemas.robustness import Peaks
 from service.schemas.tunings import SearchSummary
-from service.wording import forms, number, units_text
+from service.wording import forms, number, optimality_text, units_text
 from solver.controllers import Controller
 
 __all__ = ["robustness_table", "side_by_side", "tuning_table"]
@@ -45,6 +45,9 @@ def tuning_table(result: TuningResult) -> RenderableType:
                 f"{number(result.comparison.gain_percent)} % less."
             )
         )
+    optimality = optimality_text(result.optimality)
+    if optimality is not None:
+        parts.append(Text(optimality))
     if result.integrity is not None:
         parts.append(Text(f"{result.integrity[0].upper()}{result.integrity[1:]}."))
     parts += _proof(result.certificate)

@@ -21,7 +21,9 @@ __all__ = ["tune_file"]
 
 
 @reported
-def tune_file(path: Path, *, as_json: bool, report: Path | None = None) -> ExitCode:
+def tune_file(
+    path: Path, *, as_json: bool, report: Path | None = None, optimality_gap: bool = False
+) -> ExitCode:
     """Tune the request in `path`, print the result and write a report of it.
 
     Parameters
@@ -32,6 +34,8 @@ def tune_file(path: Path, *, as_json: bool, report: Path | None = None) -> ExitC
         Print the JSON result alone, instead of tables.
     report : Path or None
         HTML file to write.
+    optimality_gap : bool
+        Ask for the proof even if the request does not.
 
     Returns
     -------
@@ -40,6 +44,9 @@ def tune_file(path: Path, *, as_json: bool, report: Path | None = None) -> ExitC
 
     """
     request = parse_tuning_request(read_input(path))
+    if optimality_gap:
+        search = request.search.model_copy(update={"optimality_gap": True})
+        request = request.model_copy(update={"search": search})
     document = _tune(request)
     result = TuningResult.model_validate(document)
     if as_json:

@@ -30,7 +30,7 @@ from service.problems import TimeLimitError, describe
 __all__ = ["Engine", "EngineLostError", "WorkerLostError"]
 
 VERSION = version("mutune")
-_NICE = 5  # priority of workers: below that of whoever waits for an answer
+_NICE = 10  # priority of workers: below that of whoever waits for an answer
 _POLL = 0.5  # seconds between looks at the cluster: how soon a new worker gets work
 _GRACE = 2.0  # seconds that a stopped task gets to answer; its callback runs every 0.2 s
 _PLACING = 10.0  # seconds for a worker to take its actor

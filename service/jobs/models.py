@@ -51,6 +51,7 @@ class JobRow(Base):
         UniqueConstraint("owner", "idempotency_key"),
         Index("jobs_by_turn", "status", "priority", "sequence"),
         Index("jobs_by_owner", "owner", "sequence"),
+        Index("jobs_by_state", "owner", "status"),
         Index("jobs_by_end", "finished_at"),
         {"sqlite_autoincrement": True},  # a cursor must not meet a reused number
     )

@@ -66,6 +66,13 @@ class Search(RequestModel):
         description="Longest computing time; the best settings up to then are returned.",
         examples=[60.0],
     )
+    optimality_gap: bool = Field(
+        default=False,
+        description="Whether to prove how far tau_p is from the least possible one, in what the "
+        "search leaves of the time limit. For PI, the objective tau_p and at most two different "
+        "controllers; a matrix plant has at most two units.",
+        examples=[False],
+    )
 
 
 class TuningRequest(RequestModel):
@@ -134,6 +141,7 @@ class TuningRequest(RequestModel):
             seed=self.search.seed,
             time_limit=self.search.time_limit,
             certificate=self.certificate == "full",
+            optimality_gap=self.search.optimality_gap,
         )
 
 
@@ -182,6 +190,32 @@ class Comparison(ResultModel):
     )
     gain_percent: float | None = Field(
         description="100 (1 - best/identical) of the objective.", examples=[28.4]
+    )
+
+
+class Optimality(ResultModel):
+    """A proven lower bound of tau_p."""
+
+    lower_bound: float | None = Field(
+        description="No settings within the parameter bounds, with as many different controllers, "
+        "meet the demand at a smaller tau_p; 0: nothing is proven.",
+        examples=[25.75],
+    )
+    gap: float | None = Field(
+        description="1 - lower_bound/tau_p: the greatest share by which tau_p may still fall.",
+        examples=[0.001],
+    )
+    goal: float = Field(description="The gap at which the proof ends.", examples=[0.001])
+    status: Literal["reached", "stopped"] = Field(
+        description="reached: the gap is at most its goal; stopped: the time limit, or memory, "
+        "ended the proof first.",
+        examples=["reached"],
+    )
+    boxes: int = Field(description="Boxes of settings examined.", examples=[57])
+    points: int = Field(
+        description="Points of the right half plane, frequencies for the most part, where the "
+        "demand was used.",
+        examples=[300],
     )
 
 
@@ -238,6 +272,10 @@ class TuningResult(ResultModel):
     )
     certificate: dict[str, Any] | None = Field(
         description="Proof for all frequencies, where asked for.", examples=[None]
+    )
+    optimality: Optimality | None = Field(
+        description="How far tau_p is from the least possible one, where asked for.",
+        examples=[None],
     )
     integrity: str | None = Field(
         description="In one line, what happens with loops in manual.",

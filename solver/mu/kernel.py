@@ -47,7 +47,7 @@ __all__ = ["COLD", "FINE", "balance", "sensitivities", "solve"]
 COLD = 1e-2  # first nu: the scales may still be far off
 FINE = 1e-9  # last nu: the level is right to about nu times the multiplicity
 CENTRED = 0.05  # squared Newton decrement below which nu may fall
-CENTRED_AT_END = 1e-8  # and below which the dual, hence the gradient, is right to 1e-4 at a kink
+CENTRED_AT_END = 1e-4  # and below which one last step squares it: the dual is right to 1e-4 then
 MAX_ITERATIONS = 60
 LARGEST_STEP = 2.0  # in log scale: Newton's model is not trusted further
 
@@ -102,8 +102,7 @@ def solve(factors, y, nu, nu_end, ws):
     for _ in range(MAX_ITERATIONS):
         _derivatives(factors, ws, 1.0 / centre)
         decrement = _newton_step(ws, nu, moving)
-        if nu <= nu_end and decrement < CENTRED_AT_END:
-            break
+        last = nu <= nu_end and decrement < CENTRED_AT_END
         drop = decrement < CENTRED and nu > nu_end
         if drop:
             # A quick centring means a smooth optimum: go far at once, else tenfold.
@@ -131,6 +130,8 @@ def solve(factors, y, nu, nu_end, ws):
         for s in range(y.size):
             y[s] = trial[s]
         top, centre, value = top_trial, centre_trial, new
+        if last:
+            break
     return -math.log(top), centre
 
 

@@ -26,6 +26,10 @@ if TYPE_CHECKING:
 
 __all__ = ["PlacedLoop", "Relay", "RelayExperiment", "RelayWiring", "wire"]
 
+# Times at which a sampled relay looks at the output: far more than a cycle can use, and few enough
+# for times to be told apart in double precision.
+MAX_LOOKS = 1_000_000
+
 
 @dataclass(frozen=True)
 class Relay:
@@ -123,6 +127,13 @@ class RelayExperiment:
         if not 0 < self.duration <= LARGEST:
             message = "the duration must be positive"
             raise InvalidInputError(message, "/duration")
+        period = self.relay.sampling_period
+        if period is not None and period * MAX_LOOKS < self.duration:
+            message = (
+                f"the relay would look at the output more than {MAX_LOOKS} times; give a sampling "
+                "period of a thousandth of the oscillation's, or null for a relay without sampling"
+            )
+            raise InvalidInputError(message, "/relay/sampling_period")
         if not 2 <= self.samples <= MAX_SAMPLES:
             message = f"the number of samples must lie in 2..{MAX_SAMPLES}"
             raise InvalidInputError(message, "/samples")

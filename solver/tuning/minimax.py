@@ -105,7 +105,12 @@ def minimise(
         model = _Model(objective, box, B, radius, bundle)
         step = model.step(here)
         if step is None or step.promise < tolerance:
-            break
+            if not bundle:
+                break
+            # Planes of points too far off may hide a descent, and so may the curvature that
+            # gradients on both sides of a bend pretend.
+            bundle, B = [], np.eye(here.theta.size) * FIRST_CURVATURE
+            continue
         there = objective.evaluate(box.clip(here.theta + step.d), near=here)
         if not here.merit - there.merit > ENOUGH * step.promise:
             step, there = _corrected(model, here, step, there)
@@ -153,8 +158,8 @@ class _Model:
         """
         size = here.theta.size
         demand, slope = here.demand, here.demand_slope
-        active = np.flatnonzero(here.level - demand < NEAR_ACTIVE)
         level = here.level
+        active = np.flatnonzero(level - demand < NEAR_ACTIVE)
         if trial is not None:
             level = trial.level - here.gradient @ (trial.theta - here.theta)
         planes = [(here.gradient, level, active)]
@@ -164,22 +169,20 @@ class _Model:
             there = other.level + other.gradient @ (here.theta - other.theta)
             seen = active[other.level[active] - demand[active] < NEAR_ACTIVE]
             planes.append((other.gradient, np.maximum(there, here.level), seen))
-        H = np.diag([LEAST_CURVATURE] * size + [CURVATURE_OF_S] * 2)
-        H[:size, :size] += self.B
-        f = np.zeros(size + 2)
-        f[size], f[size + 1] = 1.0, PENALTY
-        A = np.full((sum(rows.size for _, _, rows in planes), size + 2), -1.0)
-        upper, lower = np.empty(size + 2 + len(A)), np.full(size + 2 + len(A), -1e30)
-        upper[:size] = np.minimum(self.box.high - here.theta, self.radius)
-        lower[:size] = np.maximum(self.box.low - here.theta, -self.radius)
-        lower[size : size + 2], upper[size : size + 2] = (-3.0, 0.0), (3.0, 1e3)
-        first = 0
-        for gradient, plane, rows in planes:
-            last = first + rows.size
-            A[first:last, :size] = -gradient[rows]
-            A[first:last, size] = slope[rows]
-            upper[size + 2 + first : size + 2 + last] = (plane - demand)[rows]
-            first = last
+        H = np.zeros((size + 2, size + 2))
+        H[:size, :size] = self.B
+        H.flat[:: size + 3] += [LEAST_CURVATURE] * size + [CURVATURE_OF_S] * 2
+        f = np.array([0.0] * size + [1.0, PENALTY])
+        rows = np.concatenate([rows for _, _, rows in planes])
+        A = np.empty((rows.size, size + 2))
+        A[:, :size] = np.concatenate([-gradient[rows] for gradient, _, rows in planes])
+        A[:, size] = slope[rows]
+        A[:, size + 1] = -1.0
+        room = np.concatenate([plane[rows] for _, plane, rows in planes]) - demand[rows]
+        d_high = np.minimum(self.box.high - here.theta, self.radius)
+        d_low = np.maximum(self.box.low - here.theta, -self.radius)
+        upper = np.concatenate([d_high, [3.0, 1e3], room])
+        lower = np.concatenate([d_low, [-3.0, 0.0], np.full(rows.size, -1e30)])
         sense = np.zeros(upper.size, dtype=np.int32)
         x, _, flag, info = daqp.solve(
             H, f, A, upper, lower, sense, primal_tol=FEASIBILITY, eps_prox=0

@@ -35,12 +35,13 @@ if TYPE_CHECKING:
 __all__ = ["Candidate", "GroupingSearch", "Optimum"]
 
 POINTS_PER_DECADE = 11
+MEASURED_PER_DECADE = 22
 STARTS_PER_PARAMETER = 3
 SAME_VALUE = 5e-3  # difference of s below which two optima may be one
 SAME_PLACE = 0.05  # and of the log parameters
 ROUGH = 1e-5  # tolerance in s of a start's descent
 ROUGH_NU = 1e-4  # and its barrier parameter
-EXACT = 1e-9  # of the last descent
+EXACT = 1e-7  # of the last descent
 SETTLED = 1e-8  # excess of the demand anywhere on the axis at which the last descent may end
 NEARLY_ACTIVE = 0.05  # excess of the demand from which a peak is followed
 WEAKEST = 1e-12  # gain of a direction over that of the strongest one
@@ -73,6 +74,9 @@ class Candidate:
     value: float
     peaks: NDArray[np.float64]
     excess: float
+
+
+_Found = Evaluation | Optimum | Candidate
 
 
 class GroupingSearch:
@@ -136,8 +140,19 @@ class GroupingSearch:
 
     @property
     def default_starts(self) -> int:
-        """Number of starts when none is asked for: the more parameters, the more optima."""
+        """Most starts when no number is asked for: the more parameters, the more optima."""
         return max(4, STARTS_PER_PARAMETER * self.box.low.size)
+
+    @property
+    def settled(self) -> bool:
+        """Whether the starts made so far let one expect no further optimum.
+
+        The Bayesian rule of Boender and Rinnooy Kan (1987): with equally likely unknown optima, w
+        found by N starts, there are w (N - 1)/(N - w - 2) of them to be expected.
+        """
+        found = [optimum.count for optimum in self.optima if optimum.count > 0]
+        w, N = len(found), sum(found)
+        return w > 0 and w * (N - 1) < (w + 0.5) * (N - w - 2)
 
     def starts(self, count: int) -> NDArray[np.float64]:
         """Return starting points (count, m), well spread over the box, that the seed fixes.
@@ -152,11 +167,14 @@ class GroupingSearch:
         steps = np.arange(1, count + 1)[:, None] * ratio ** -np.arange(1.0, size + 1)
         return np.asarray(self.box.low + (first + steps) % 1 * (self.box.high - self.box.low))
 
-    def descend(self, theta: NDArray[np.float64]) -> Evaluation | None:
-        """Return the local optimum below one start; None if it leads to no feasible settings."""
+    def descend(self, theta: NDArray[np.float64], count: int = 1) -> None:
+        """Remember the local optimum below one start, if it leads to feasible settings.
+
+        It counts as `count` starts: 0 where the point was not drawn.
+        """
         here = self._stable(theta)
         if here is None:
-            return None
+            return
         if self.objective.goal.skewed:
             here = minimise(
                 self.feasibility, here, self.box, tolerance=1e-4, max_iterations=80,
@@ -166,7 +184,7 @@ class GroupingSearch:
             if self.closest is None or here.value < self.closest.value:
                 self.closest = here
             if here.value >= 0:
-                return None
+                return
             here = self.objective.evaluate(here.theta)
         if math.isfinite(here.merit):
             here = minimise(
@@ -174,15 +192,21 @@ class GroupingSearch:
                 enough=lambda e: self._known(e) is not None,
             )  # fmt: skip
         if not math.isfinite(here.value):
-            return None
-        self._remember(here)
-        return here
+            return
+        self._remember(here, count)
 
     def polish(self) -> list[Candidate]:
-        """Replace the best optima of the grid by exact ones, and return those."""
+        """Replace the best optima of the grid by exact ones, and return those.
+
+        The grid sees less than the whole axis, so an optimum whose value on it is already above an
+        exact one is not looked into.
+        """
         rough, self.optima = self.optima[:POLISHED], []
-        found = []
+        found: list[Candidate] = []
         for optimum in rough:
+            if found and optimum.value > min(candidate.value for candidate in found):
+                self._remember(optimum, optimum.count)
+                continue
             candidate = self.exact(optimum.theta)
             if candidate is not None:
                 found.append(candidate)
@@ -245,7 +269,7 @@ class GroupingSearch:
         )
         high = max(1e2 * bends[-1], self.objective.omega[-1])
         extra = [resonances(self.specification.plant), bends, self.objective.omega]
-        omega = grid(low, high, 2 * POINTS_PER_DECADE, extra)
+        omega = grid(low, high, MEASURED_PER_DECADE, extra)
         missed = []
         for _ in range(2):  # the peaks of the demand's excess move little with s
 
@@ -301,7 +325,7 @@ class GroupingSearch:
             theta = theta + gains
         return None
 
-    def _known(self, found: Evaluation | Candidate) -> int | None:
+    def _known(self, found: _Found) -> int | None:
         """Index of the optimum that these settings stand for; None: none yet."""
         for index, optimum in enumerate(self.optima):
             if abs(optimum.value - found.value) < SAME_VALUE:
@@ -310,7 +334,7 @@ class GroupingSearch:
                     return index
         return None
 
-    def _remember(self, found: Evaluation | Candidate, count: int = 1) -> None:
+    def _remember(self, found: _Found, count: int) -> None:
         index = self._known(found)
         if index is None:
             self.optima.append(Optimum(found.theta, found.value, count))

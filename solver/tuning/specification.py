@@ -7,6 +7,7 @@ from enum import StrEnum
 from typing import TYPE_CHECKING
 
 from solver.errors import InvalidInputError
+from solver.plants import ParallelPlant
 
 if TYPE_CHECKING:
     from solver.plants import Plant
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
 __all__ = ["Arrangement", "Bounds", "ControllerKind", "Objective", "Specification"]
 
 MAX_STARTS = 1000
+MOST_PROVEN = 2  # controllers, and units of a matrix plant, up to which optimality is proven
 
 
 class ControllerKind(StrEnum):
@@ -87,6 +89,9 @@ class Specification:
         Seconds, > 0.
     certificate : bool
         Whether the result must carry a proof for all frequencies.
+    optimality_gap : bool
+        Whether to prove how far tau_P is from the least possible one. For PI, objective TAU_P and
+        at most two different controllers; a matrix plant has at most two units.
 
     """
 
@@ -102,9 +107,12 @@ class Specification:
     seed: int = 0
     time_limit: float | None = None
     certificate: bool = False
+    optimality_gap: bool = False
 
     def __post_init__(self) -> None:
         self._check_groups()
+        if self.optimality_gap:
+            self._check_optimality_gap()
         if self.objective is Objective.MU and self.performance.tau_p is None:
             message = "the objective mu needs a time constant"
             raise InvalidInputError(message, "/performance/tau_p")
@@ -134,4 +142,26 @@ class Specification:
                 raise InvalidInputError(message, f"{where}/{index}")
         if sum(self.group_sizes) != self.plant.n:
             message = f"group sizes sum to {sum(self.group_sizes)}, the plant has {self.plant.n}"
+            raise InvalidInputError(message, where)
+
+    def _check_optimality_gap(self) -> None:
+        where = "/search/optimality_gap"
+        if self.kind is not ControllerKind.PI:
+            message = "the optimality gap is proven for PI only; tune PI too to compare"
+            raise InvalidInputError(message, where)
+        if self.objective is not Objective.TAU_P:
+            message = "the optimality gap is proven for the objective tau_p only"
+            raise InvalidInputError(message, where)
+        different = {
+            Arrangement.IDENTICAL: 1,
+            Arrangement.GROUPED: len(self.group_sizes or ()),
+        }.get(self.arrangement, self.plant.n)
+        if different > MOST_PROVEN:
+            message = (
+                f"the optimality gap is proven for at most {MOST_PROVEN} different controllers; "
+                "use the arrangement 'identical', or 'grouped' with two sizes"
+            )
+            raise InvalidInputError(message, where)
+        if not isinstance(self.plant, ParallelPlant) and self.plant.n > MOST_PROVEN:
+            message = f"the optimality gap is proven for matrix plants up to {MOST_PROVEN} units"
             raise InvalidInputError(message, where)

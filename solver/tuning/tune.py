@@ -10,6 +10,7 @@ import numpy as np
 
 from solver.certificate import Certificate, Claim
 from solver.integrity import in_one_line
+from solver.optimality import LowerBound, Optimality
 from solver.plants import ParallelPlant
 from solver.proof import prove
 from solver.results import (
@@ -160,8 +161,11 @@ class _Run:
         if not keep:
             self.clock.best = math.inf
         if self.identical is not None:
-            search.descend(np.tile(self.identical.theta, len(search.groups)))
-        for theta in search.starts(count):
+            search.descend(np.tile(self.identical.theta, len(search.groups)), count=0)
+        for left, theta in zip(range(count, 0, -1), search.starts(count), strict=True):
+            if self.specification.starts is None and search.settled:
+                self.clock.total -= left
+                break
             search.descend(theta)
             self.clock.done += 1
             self._tick(math.inf)
@@ -235,6 +239,7 @@ class _Run:
             curves=curves,
             comparison=self._comparison(search, candidate),
             certificate=certificate,
+            optimality=self._optimality(candidate, value),
             integrity=in_one_line(
                 specification.plant, specification.uncertainty, performance, loops
             ),
@@ -247,6 +252,17 @@ class _Run:
         except _OutOfTimeError:
             self.status = Status.TIME_LIMIT
             return None, ["no certificate: the time limit came first"]
+
+    def _optimality(self, candidate: Candidate, tau_p: float) -> Optimality | None:
+        if not self.specification.optimality_gap:
+            return None
+        # The grouping that permits most; 'best' may have kept identical settings.
+        search = self.searches[-1]
+        bound = LowerBound(search.objective, search.box, peaks=candidate.peaks, tau_p=tau_p)
+        try:
+            return bound.run(lambda: self._tick(math.inf))
+        except _OutOfTimeError:  # the search was not cut short: what is proven is enough
+            return bound.result()
 
     def _chosen(self) -> tuple[GroupingSearch, Candidate] | None:
         if not self.found:

@@ -250,3 +250,22 @@ def test_every_command_has_help() -> None:
     assert {"tune", "batch", "robustness", "serve", "worker"} <= set(listed)
     for command in listed:
         assert "Usage: " in mutune(command, "--help").stdout
+
+
+def test_tune_proves_how_far_from_the_best_where_asked() -> None:
+    """`--optimality-gap` adds the proof to what the request asks, in words and in the JSON."""
+    printed = mutune("tune", "-", "--optimality-gap", request=QUICK).output
+    assert "Proven: no settings within the bounds reach a τP below" in " ".join(printed.split())
+    document = json.loads(mutune("tune", "-", "--optimality-gap", "--json", request=QUICK).stdout)
+    proof = document["optimality"]
+    assert proof["status"] == "reached"
+    assert 0.99 * document["tau_p"] < proof["lower_bound"] < document["tau_p"]
+    assert json.loads(mutune("tune", "-", "--json", request=QUICK).stdout)["optimality"] is None
+
+
+def test_a_proof_that_does_not_exist_is_refused_by_name() -> None:
+    """PID has no proof of optimality: exit code 2, and the field."""
+    pid = altered(altered(QUICK, "/controller/kind", "PID"), "/search/optimality_gap", True)
+    result = mutune("tune", "-", request=pid)
+    assert result.exit_code == 2
+    assert "/search/optimality_gap: the optimality gap is proven for PI only" in result.stderr

@@ -1,6 +1,9 @@
 """Several processes: a Dask scheduler with workers that come and go, two services on PostgreSQL."""
 
 import json
+import os
+import shutil
+import subprocess
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -66,6 +69,43 @@ def test_workers_and_scheduler_come_and_go_while_a_batch_runs(
     scheduler()
     lines = service.client.get(batch["links"]["results"]).text.splitlines()
     assert [json.loads(line)["result"]["tau_p"] for line in lines] == [float(SLOW)] * 30
+
+
+def test_worker_on_another_host_computes(stack: ExitStack, tmp_path: Path) -> None:
+    """A worker that shares nothing but the network with scheduler and service takes jobs.
+
+    The other host is a network namespace behind a pair of interfaces.
+    """
+    name, subnet = f"mutune-{os.getpid()}", f"10.{213 + os.getpid() % 32}.{os.getpid() % 251}"
+    if shutil.which("ip") is None or not _ip("netns", "add", name):
+        pytest.skip("network namespaces are not permitted here")
+    stack.callback(_ip, "netns", "delete", name)  # the interfaces go with it
+    inside = ("netns", "exec", name, "ip")
+    assert _ip("link", "add", "mutune-test", "type", "veth", "peer", "eth0", "netns", name)
+    assert _ip("address", "add", f"{subnet}.1/24", "dev", "mutune-test")
+    assert _ip("link", "set", "mutune-test", "up")
+    assert _ip(*inside, "address", "add", f"{subnet}.2/24", "dev", "eth0")
+    assert _ip(*inside, "link", "set", "eth0", "up")
+    port = str(free_port())
+    command = (DASK, "scheduler", "--host", f"{subnet}.1", "--port", port, "--no-dashboard")
+    scheduler = Process(tmp_path / "scheduler.log", *command, "--dashboard-address", ":0")
+    stack.callback(scheduler.end)
+    address = f"tcp://{subnet}.1:{port}"
+    elsewhere = ("ip", "netns", "exec", name, MUTUNE, "worker", "--scheduler", address)
+    worker = Process(tmp_path / "worker.log", *elsewhere, MUTUNE_WORKERS="1")
+    stack.callback(worker.end)
+    service = Service(tmp_path, MUTUNE_SCHEDULER=address)
+    stack.callback(service.end)
+    until(service.is_ready, "the worker")
+    request = tuning(SLOW, starts=5)
+    job = service.client.post("/v1/tunings", json=request, headers={"Prefer": "wait=60"}).json()
+    assert job["result"]["tau_p"] == SLOW
+
+
+def _ip(*arguments: str) -> bool:
+    """Configure the network; return whether that was permitted."""
+    command = ("ip", *arguments)
+    return subprocess.run(command, capture_output=True, check=False).returncode == 0  # noqa: S603
 
 
 def test_second_service_takes_over_when_the_first_is_killed(

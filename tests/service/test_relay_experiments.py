@@ -63,6 +63,7 @@ def test_too_much_hysteresis_is_a_status(client: httpx.Client) -> None:
         ("/relay/amplitude", 0, "/relay/amplitude"),
         ("/relay/hysteresis", -1, "/relay/hysteresis"),
         ("/relay/sampling_period", 0, "/relay/sampling_period"),
+        ("/relay/sampling_period", 1e-12, "/relay/sampling_period"),
         ("/loops/0/output", 0, "/loops/0/output"),
         ("/loops/0/input", 0, "/loops/0/input"),
         ("/loops/0/loop/gain", 0, "/loops/0/loop/gain"),

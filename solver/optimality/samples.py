@@ -1,0 +1,89 @@
+"""Plant and uncertainty at single points s, each value checked in ball arithmetic.
+
+Points on the imaginary axis are frequencies; those to its right see what makes a loop unstable.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from flint import acb, acb_poly, ctx
+
+from solver.enclosures import exact
+from solver.plants import ParallelPlant
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from solver.blocks import LoopBlocks
+    from solver.transfer_function import TransferFunction
+    from solver.weights import Uncertainty
+
+__all__ = ["Samples", "samples"]
+
+ERROR = 1e-14  # largest relative error of a value; the margin of a cut is ten times that
+DIGITS = 60  # of the balls: no polynomial of the permitted order cancels so much
+
+
+@dataclass(frozen=True)
+class Samples:
+    """What the bound needs of each point.
+
+    Attributes
+    ----------
+    s : (k,) complex
+        Points with a real part >= 0, 1 per time unit.
+    G : (k, rows, widest) complex
+        `LoopBlocks.packed_at`.
+    u : (k,)
+        |w_I|^2.
+    size : (k,)
+        Bounds the norm of each block of G, all its entries and their parts taken by modulus.
+
+    """
+
+    s: NDArray[np.complex128]
+    G: NDArray[np.complex128]
+    u: NDArray[np.float64]
+    size: NDArray[np.float64]
+
+
+def samples(blocks: LoopBlocks, uncertainty: Uncertainty, s: NDArray[np.complex128]) -> Samples:
+    """Return the values at those of the points `s` (k,) where they are right to 1e-14."""
+    plant = blocks.plant
+    right = _right(uncertainty.weight, s)
+    for function in set(plant.elements):
+        right &= _right(function, s)
+    s = s[right]
+    if isinstance(plant, ParallelPlant):
+        process, interaction = np.abs(plant.process(s)), np.abs(plant.interaction(s))
+        # The block of the group means has g - i on its diagonal, and i sqrt(m_a m_b) everywhere.
+        size = process + (1 + plant.n) * interaction
+    else:
+        size = np.sqrt(sum(np.abs(element(s)) ** 2 for element in plant.elements))
+    u = np.abs(uncertainty.weight(s)) ** 2
+    return Samples(s, blocks.packed_at(s), u, np.asarray(size))
+
+
+def _right(function: TransferFunction, s: NDArray[np.complex128]) -> NDArray[np.bool_]:
+    """Whether the computed values of a function are proven to be right, (k,)."""
+    if function.is_zero:
+        return np.ones(s.shape, dtype=bool)
+    values = np.asarray(function(s))
+    right = np.zeros(s.shape, dtype=bool)
+    before, ctx.dps = ctx.dps, DIGITS
+    try:
+        num, den = (
+            acb_poly([acb(exact(c)) for c in reversed(p)]) for p in (function.num, function.den)
+        )
+        delay = -acb(exact(function.dead_time))
+        for k, (point, value) in enumerate(zip(s, values, strict=True)):
+            at = acb(exact(point.real), exact(point.imag))
+            true = num(at) / den(at) * (delay * at).exp()
+            computed = acb(exact(value.real), exact(value.imag))
+            right[k] = bool(abs(computed - true) <= ERROR * abs(computed))
+    finally:
+        ctx.dps = before
+    return right

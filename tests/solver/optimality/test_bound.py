@@ -1,0 +1,156 @@
+"""Lower bounds of tau_P: how near they are, and that nothing better than proven exists."""
+
+import importlib
+import math
+
+import numpy as np
+import pytest
+from zoo import COLUMN, SLH, USUAL
+
+from solver.errors import Cancelled, InvalidInputError
+from solver.optimality import LowerBound, Proof
+from solver.plants import ParallelPlant, first_order
+from solver.results import Status
+from solver.transfer_function import TransferFunction
+from solver.tuning import Arrangement, ControllerKind, Objective, Specification, tune
+from solver.tuning.groupings import groupings
+from solver.tuning.search import GroupingSearch
+from solver.weights import Performance, Structure, Uncertainty
+
+
+def task(plant, arrangement=Arrangement.IDENTICAL, **more):
+    uncertainty = more.pop("uncertainty", USUAL)
+    performance = more.pop("performance", Performance())
+    return Specification(plant, uncertainty, performance, arrangement=arrangement, **more)
+
+
+def search_of(specification):
+    return GroupingSearch(specification, groupings(specification)[0], 1.0, lambda _: None)
+
+
+def stopping_after(boxes):
+    """A checkpoint that ends a proof after so many boxes."""
+    left = iter(range(boxes))
+
+    def checkpoint():
+        if next(left, None) is None:
+            raise Cancelled
+
+    return checkpoint
+
+
+def run(bound, boxes):
+    try:
+        return bound.run(stopping_after(boxes))
+    except Cancelled:
+        return bound.result()
+
+
+PLANTS = {
+    "SLH, tau = 100": SLH,
+    "SLH, tau = 10, a = 0": first_order(2, 1, 10, 0),
+    "SLH, tau = 100, a = 0.995": first_order(2, 1, 100, 0.995),
+    "five units, a < 0": first_order(5, 1, 20, -0.2),
+    "one unit, dead time": first_order(1, 2, 30, 0, 3),
+    "integrating": ParallelPlant(
+        2, TransferFunction((1,), (1, 0)), TransferFunction((0.5,), (1, 0))
+    ),
+    "column": COLUMN,
+}
+
+
+@pytest.mark.parametrize("name", PLANTS)
+def test_identical_settings_are_proven_best_to_a_thousandth(name):
+    """The gap reaches its goal in well under a thousand boxes, dead time or not."""
+    result = tune(task(PLANTS[name], optimality_gap=True))
+    proof = result.optimality
+    assert proof.status is Proof.REACHED
+    assert proof.boxes < 300
+    assert 0 < proof.gap <= proof.goal * (1 + 1e-5)
+    assert proof.lower_bound == pytest.approx((1 - proof.gap) * result.tau_p, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "demand",
+    [
+        {"performance": Performance(2.5, 0.1)},
+        {"uncertainty": Uncertainty.from_error(0.2, 1, Structure.FULL)},
+    ],
+)
+def test_the_bound_is_below_all_settings_of_a_brute_force_grid(demand):
+    """No settings of a grid over the box are better than the bound."""
+    specification = task(first_order(3, -1, 20, 0.5, 0.5), optimality_gap=True, **demand)
+    proof = tune(specification).optimality
+    assert proof.status is Proof.REACHED
+    search = search_of(specification)
+    axes = [np.linspace(*ends, 30) for ends in zip(search.box.low, search.box.high, strict=True)]
+    values = [
+        search.objective.evaluate(np.array([k, tau_i])).value for k in axes[0] for tau_i in axes[1]
+    ]
+    assert proof.lower_bound <= math.exp(min(values)) < 2 * proof.lower_bound
+
+
+def test_a_claim_that_is_too_good_is_refused():
+    """A tau_P above the optimum cannot be proven least: 25.773 can be had."""
+    search = search_of(task(SLH))
+    peaks = np.array([0.02, 1.5])
+    bound = LowerBound(search.objective, search.box, peaks=peaks, tau_p=25.9, goal=0.004)
+    proof = run(bound, 150)
+    assert proof.status is Proof.STOPPED
+    assert proof.lower_bound <= 25.7731
+
+
+def test_what_is_proven_when_a_proof_is_stopped_is_reported():
+    """The bound rises with the boxes examined, and holds at any time."""
+    search = search_of(task(SLH))
+    bounds = [
+        run(LowerBound(search.objective, search.box, peaks=np.ones(1), tau_p=25.78), boxes)
+        for boxes in (1, 25, 45)
+    ]
+    assert [proof.status for proof in bounds] == [Proof.STOPPED] * 3
+    assert bounds[0].lower_bound <= bounds[1].lower_bound <= bounds[2].lower_bound < 25.7731
+    assert bounds[2].lower_bound > 1
+
+
+def test_two_different_settings_have_a_bound_in_the_time_there_is():
+    """With independent settings what is proven is below what is found."""
+    search = search_of(task(SLH, Arrangement.INDEPENDENT))
+    bound = LowerBound(search.objective, search.box, peaks=np.array([0.03]), tau_p=18.4455)
+    proof = run(bound, 60)
+    assert proof.status is Proof.STOPPED
+    assert 0 <= proof.lower_bound < 18.4455
+    assert proof.boxes == 60
+
+
+def test_the_time_limit_ends_the_proof_and_not_the_tuning(monkeypatch):
+    """A proof that is cut short leaves an optimal result with what is proven."""
+
+    def no_time(self, checkpoint):
+        self._examine(self._open[0])
+        clock = importlib.import_module("solver.tuning.tune")._Clock  # noqa: SLF001
+        monkeypatch.setattr(clock, "elapsed", math.inf)
+        checkpoint()
+
+    monkeypatch.setattr(LowerBound, "run", no_time)
+    result = tune(task(SLH, time_limit=60, optimality_gap=True))
+    assert result.status is Status.OPTIMAL
+    assert result.optimality.status is Proof.STOPPED
+    assert result.optimality.boxes == 1
+
+
+@pytest.mark.parametrize(
+    "refused",
+    [
+        {"kind": ControllerKind.PID},
+        {"objective": Objective.MU, "performance": Performance(tau_p=20)},
+        {"plant": first_order(3, 1, 10, 0.5), "arrangement": Arrangement.INDEPENDENT},
+        {"plant": first_order(3, 1, 10, 0.5), "arrangement": Arrangement.BEST},
+        {"arrangement": Arrangement.GROUPED, "group_sizes": (1, 1, 1),
+         "plant": first_order(3, 1, 10, 0.5)},
+    ],
+)  # fmt: skip
+def test_what_is_not_covered_is_refused_by_name(refused):
+    """PID, the objective mu and more than two different controllers have no such proof."""
+    with pytest.raises(InvalidInputError) as error:
+        task(**{"plant": SLH, "optimality_gap": True, **refused})
+    assert error.value.field == "/search/optimality_gap"

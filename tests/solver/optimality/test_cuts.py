@@ -1,0 +1,172 @@
+"""Cuts hold for every controller, and exclude no box that holds good settings."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from zoo import COLUMN, SLH, interactions
+
+from solver.blocks import reduce
+from solver.mu.kernel import COLD
+from solver.mu.scaling import sweep
+from solver.optimality.bound import LowerBound
+from solver.optimality.conditions import Conditions
+from solver.optimality.cuts import NU, cuts
+from solver.optimality.infeasibility import excludes, least_weights
+from solver.optimality.samples import samples
+from solver.plants import first_order
+from solver.tuning import ControllerKind, Specification
+from solver.tuning.objective import FORBIDDEN, LoopObjective, TauGoal
+from solver.tuning.search import GroupingSearch
+from solver.weights import Performance, Structure, Uncertainty
+
+OMEGA = np.geomspace(1e-3, 20, 12)
+
+
+@st.composite
+def loops(draw):
+    """A plant with at most two different controllers, as an objective on `OMEGA`."""
+    if draw(st.integers(0, 9)) == 0:
+        plant, groups = COLUMN, ((0,), (1,))
+    else:
+        n = draw(st.integers(1, 50))
+        low = -0.99 / (n - 1) if n > 1 else 0.0
+        plant = first_order(
+            n, draw(st.sampled_from([1.0, -2.0])), draw(st.floats(1, 100)),
+            draw(interactions(low, 0.99)), draw(st.sampled_from([0.0, 1.5])),
+        )  # fmt: skip
+        first = draw(st.integers(1, n))
+        groups = (tuple(range(first)), tuple(range(first, n)))[: 1 + (first < n)]
+    structure = draw(st.sampled_from(list(Structure)))
+    demand = Performance(draw(st.floats(1.5, 3)), draw(st.sampled_from([0.0, 0.1])))
+    uncertainty = Uncertainty.from_error(0.2, 1, structure)
+    signs = np.array([math.copysign(1, plant.element(g[0], g[0]).static_gain) for g in groups])
+    return LoopObjective(
+        reduce(plant, groups, structure), uncertainty, TauGoal(demand), ControllerKind.PI, signs,
+        OMEGA,
+    )  # fmt: skip
+
+
+def responses(objective, theta):
+    return np.stack([c.response(OMEGA) for c in objective.controllers(theta)], axis=-1)
+
+
+def cut_at(objective, theta):
+    """The cuts of all frequencies made at `theta`, the controllers there and the plant."""
+    blocks, c = objective.blocks, responses(objective, theta)
+    G, u = blocks.packed(OMEGA), objective.uncertainty.magnitude(OMEGA) ** 2
+    demanded = np.exp(np.clip(objective.levels(theta, OMEGA), -10, 20))
+    y = np.zeros((OMEGA.size, blocks.n_scales))
+    all_free = cold = True
+    sweep(G, c, u, demanded, blocks.layout, all_free, COLD, NU, cold, y)
+    return cuts(c, G, u, demanded, blocks.layout, np.exp(y)), c, G
+
+
+def right_side(cut, c):
+    constant, linear, quadratic = cut
+    square = np.einsum("ki,kij,kj->k", c.conj(), quadratic, c).real
+    return constant + 2 * (linear * c).sum(axis=1).real + square
+
+
+settings_near = st.lists(st.floats(-2, 2), min_size=4, max_size=4)
+
+
+@settings(max_examples=60, deadline=None)
+@given(loops(), settings_near, settings_near)
+def test_a_cut_holds_for_all_settings(objective, here, there):
+    """No settings have a level above the right side of a cut made elsewhere (hence the proof)."""
+    size = 2 * objective.signs.size
+    theta, other = (np.tile([2.0, 3.0], 2)[:size] + np.array(x)[:size] for x in (here, there))
+    cut, c, G = cut_at(objective, theta)
+    room = 1e-11 * (1 + np.abs(c).sum(axis=1) * np.abs(G).sum(axis=(1, 2))) ** 2
+    elsewhere = np.exp(objective.levels(other, OMEGA))
+    assert (right_side(cut, responses(objective, other)) + room >= elsewhere * (1 - 1e-9)).all()
+
+
+@pytest.mark.parametrize(
+    ("groups", "loops"),
+    [
+        (((0, 1),), [40, 60]),
+        (((0,), (1,)), [47.65, 101.2, 18.9, 2.36]),
+        (((0,), (1,)), [40, 60] * 2),
+    ],
+)
+@pytest.mark.parametrize("structure", list(Structure))
+def test_a_cut_is_sharp_where_it_is_made(groups, loops, structure):
+    """At its own settings its right side is the level, also where eigenvalues meet."""
+    objective = LoopObjective(
+        reduce(SLH, groups, structure), Uncertainty.from_error(0.2, 1, structure),
+        TauGoal(Performance()), ControllerKind.PI, np.ones(len(groups)), OMEGA,
+    )  # fmt: skip
+    theta = np.log(loops)
+    cut, c, _ = cut_at(objective, theta)
+    assert np.log(right_side(cut, c)) == pytest.approx(objective.levels(theta, OMEGA), abs=2e-3)
+
+
+@settings(max_examples=40, deadline=None)
+@given(loops(), settings_near, st.lists(st.floats(0, 1), min_size=4, max_size=4),
+       st.floats(0.01, 1), st.floats(1, 6))  # fmt: skip
+def test_no_settings_in_a_box_are_better_than_its_bound(objective, at, within, width, target):
+    """The bound of a box is at most the value of any settings in it, frequency by frequency."""
+    size = 2 * objective.signs.size
+    low = np.tile([2.0, -1.0], 2)[:size] + np.array(at)[:size]
+    point = low + width * np.array(within)[:size]
+    v = np.exp(point)  # k and k/tau_I
+    theta = np.log(np.column_stack([v[::2], v[::2] / v[1::2]]).ravel())
+    level = objective.levels(theta, OMEGA)
+    value = objective.goal.attained(level, OMEGA)
+    value = np.where(level <= FORBIDDEN, np.inf, value).max()
+    known = samples(objective.blocks, objective.uncertainty, 1j * OMEGA)
+    conditions = Conditions(
+        objective.blocks, known, objective.goal.performance, objective.signs, target,
+        np.zeros((0, size)),
+    )  # fmt: skip
+    found = conditions.examine(np.exp(low), np.exp(low + width), conditions.all_points, -math.inf)
+    assert found.s <= max(value, -60) + 1e-7 * (1 + (value > 5)) or found.s == -math.inf
+    if found.split is not None:
+        # What was cut off is excluded at the target.
+        inside = (found.low <= v * (1 + 1e-9)).all() and (v <= found.high * (1 + 1e-9)).all()
+        assert inside or value >= target
+
+
+def test_conditions_with_a_common_point_are_never_excluded():
+    """Linear conditions that a point of the box meets have no proof of the contrary."""
+    rng = np.random.default_rng(5)
+    for _ in range(200):
+        size = int(rng.integers(2, 5))
+        a = rng.standard_normal((30, size)) * np.exp(rng.standard_normal((30, 1)))
+        point = rng.uniform(-1, 1, size)
+        b = -a @ point + rng.exponential(1e-9, 30)
+        w, _ = least_weights(a, b)
+        assert not excludes(w, a, b)
+        assert w.sum() == pytest.approx(1)
+
+
+def test_conditions_without_a_common_point_are_excluded():
+    """e_1 >= 1/2 + t and e_1 <= 1/2 - t, among many that hold, have none."""
+    rng = np.random.default_rng(6)
+    for _ in range(50):
+        a, b = rng.standard_normal((40, 3)), np.full(40, 10.0)
+        a[7], b[7] = (1, 0, 0), -0.5 - 1e-6
+        a[8], b[8] = (-1, 0, 0), 0.5 - 1e-6
+        w, _ = least_weights(a, b)
+        assert excludes(w, a, b)
+
+
+def test_an_unstable_loop_is_excluded_by_points_to_the_right_of_the_axis():
+    """Integral action that destabilises a dead time meets the demand on the axis, not beside it."""
+    plant = first_order(1, 2, 30, 0, 3)
+    task = Specification(plant, Uncertainty.from_error(0.2, 1), Performance())
+    search = GroupingSearch(task, ((0,),), 1.0, lambda _: None)
+    bound = LowerBound(search.objective, search.box, peaks=np.ones(1), tau_p=5.6)
+    conditions = bound._conditions  # noqa: SLF001 - its points are what is looked at
+    settings = np.array([0.35, 7.0])
+    points = conditions.samples.s
+    for used, excluded in (
+        (np.flatnonzero(points.real == 0), False),
+        (np.arange(points.size), True),
+    ):
+        found = conditions.examine(0.999 * settings, 1.001 * settings, used, -math.inf)
+        assert (found.split is None) is excluded
