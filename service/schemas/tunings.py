@@ -50,7 +50,7 @@ class Search(RequestModel):
     starts: Annotated[int, Field(ge=1, le=MAX_STARTS, json_schema_extra={"x-unit": "1"})] | None = (
         Field(
             default=None,
-            description="Starts of the search; null: chosen from the number of parameters.",
+            description="Starts of the search; null: until no further optimum is to be expected.",
             examples=[None, 24],
         )
     )

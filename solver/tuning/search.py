@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -39,6 +40,7 @@ MEASURED_PER_DECADE = 22
 STARTS_PER_PARAMETER = 3
 SAME_VALUE = 5e-3  # difference of s below which two optima may be one
 SAME_PLACE = 0.05  # and of the log parameters
+FLAT = 1e-4  # difference of s between optima that are one to the count of optima
 ROUGH = 1e-5  # tolerance in s of a start's descent
 ROUGH_NU = 1e-4  # and its barrier parameter
 EXACT = 1e-7  # of the last descent
@@ -55,7 +57,7 @@ GAIN_STEPS = 12
 
 @dataclass(frozen=True)
 class Optimum:
-    """A local optimum and how many starts ended there; at first of the grid, then exact."""
+    """A local optimum and how many starts ended there; of the grid, or exact."""
 
     theta: NDArray[np.float64]
     value: float
@@ -150,8 +152,11 @@ class GroupingSearch:
         The Bayesian rule of Boender and Rinnooy Kan (1987): with equally likely unknown optima, w
         found by N starts, there are w (N - 1)/(N - w - 2) of them to be expected.
         """
-        found = [optimum.count for optimum in self.optima if optimum.count > 0]
-        w, N = len(found), sum(found)
+        found = [optimum for optimum in self.optima if optimum.count > 0]
+        values = [optimum.value for optimum in found]
+        # Places along a flat valley, or permuted ones of nearly equal settings, are one optimum.
+        w = len(found) - sum(b - a < FLAT for a, b in pairwise(values))
+        N = sum(optimum.count for optimum in found)
         return w > 0 and w * (N - 1) < (w + 0.5) * (N - w - 2)
 
     def starts(self, count: int) -> NDArray[np.float64]:
@@ -199,18 +204,21 @@ class GroupingSearch:
         """Replace the best optima of the grid by exact ones, and return those.
 
         The grid sees less than the whole axis, so an optimum whose value on it is already above an
-        exact one is not looked into.
+        exact one stays as it is.
         """
-        rough, self.optima = self.optima[:POLISHED], []
+        rough, self.optima = self.optima, []
         found: list[Candidate] = []
+        best, attempts = math.inf, 0
         for optimum in rough:
-            if found and optimum.value > min(candidate.value for candidate in found):
+            if optimum.value > best:
                 self._remember(optimum, optimum.count)
-                continue
-            candidate = self.exact(optimum.theta)
-            if candidate is not None:
-                found.append(candidate)
-                self._remember(candidate, optimum.count)
+            elif attempts < POLISHED:
+                attempts += 1
+                candidate = self.exact(optimum.theta)
+                if candidate is not None:
+                    found.append(candidate)
+                    best = min(best, candidate.value)
+                    self._remember(candidate, optimum.count)
         return found
 
     def exact(self, theta: NDArray[np.float64]) -> Candidate | None:

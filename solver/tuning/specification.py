@@ -82,7 +82,7 @@ class Specification:
     bounds : Bounds
         Parameter bounds.
     starts : int or None
-        Starts of the search, 1..1000; None: chosen from the number of parameters.
+        Starts of the search, 1..1000; None: until no further optimum is to be expected.
     seed : int
         The same specification and seed give the same digits.
     time_limit : float or None
