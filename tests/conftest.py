@@ -1,9 +1,19 @@
-"""The service as ``scripts/run`` starts it."""
+"""The service as ``scripts/run`` starts it, and no limit to the time of a property's example."""
 
 from collections.abc import Iterator
 
 import pytest
+from hypothesis import settings
 from touring import Tour, touring
+
+# A busy machine is no fault of what is tested.
+settings.register_profile("untimed", settings.default, deadline=None)
+settings.load_profile("untimed")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with the module that starts most processes, so that nobody waits for it at the end."""
+    items.sort(key=lambda item: item.path.name != "test_run.py")
 
 
 @pytest.fixture(scope="session")

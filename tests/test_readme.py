@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 import re
-import shutil
 import subprocess
 from pathlib import Path
 
 import pytest
-from touring import ROOT, Tour
+from readme import README, blocks, rows
+from touring import ROOT
 
 from service.cli import app
 from service.client import Client
@@ -18,31 +18,7 @@ from service.schemas.controllers import ControllerChoice
 from service.schemas.parsing import parse
 from service.schemas.tunings import Search
 
-README = (ROOT / "README.md").read_text()
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
-BLOCKS = re.findall(r"^```(\w*)\n(.*?)^```$", README, re.MULTILINE | re.DOTALL)
-
-
-def blocks(language: str) -> list[str]:
-    """Return the code blocks of a language."""
-    return [text for name, text in BLOCKS if name == language]
-
-
-def rows(text: str) -> dict[str, list[float]]:
-    """Return the rows of the table: label, identical, independent."""
-    found = re.findall(r"^  (\S.*?) {2,}([\d.]+) {2,}([\d.]+) *$", text, re.MULTILINE)
-    return {label: [float(value) for value in values] for label, *values in found}
-
-
-def test_table_is_what_the_run_prints(tour: Tour) -> None:
-    """Each row of the README's table is printed, with its numbers."""
-    said, printed = rows(blocks("")[0]), rows(tour.output)
-    assert len(said) == 8
-    assert said.keys() == printed.keys()
-    for label, values in said.items():
-        # The objective is sharp. Settings at its flat bottom move with the last bits of a sum.
-        tolerance = 1e-4 if "time constant" in label else 2e-3
-        assert values == pytest.approx(printed[label], rel=tolerance), label
 
 
 def test_sentence_on_the_gain_agrees_with_the_table() -> None:
@@ -55,27 +31,6 @@ def test_sentence_on_the_gain_agrees_with_the_table() -> None:
         round(independent, 1),
         round(100 * (1 - independent / identical)),
     ]
-
-
-def test_python_calls_work(tour: Tour, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Both Python examples run as they stand, with and without the service."""
-    monkeypatch.chdir(ROOT)
-    with_service, without = blocks("python")
-    for code in (with_service.replace("http://127.0.0.1:8000", tour.url), without):
-        names: dict[str, object] = {}
-        exec(code, names)  # noqa: S102 - the README's own code
-        assert getattr(names["result"], "tau_p", None) == pytest.approx(18.446, rel=1e-4)
-
-
-@pytest.mark.skipif(shutil.which("curl") is None, reason="SKIPPED: curl is not installed")
-def test_curl_call_works(tour: Tour) -> None:
-    """The curl example returns a finished job."""
-    (command,) = (block for block in blocks("sh") if block.startswith("curl"))
-    command = command.replace("http://127.0.0.1:8000", tour.url)
-    done = subprocess.run(  # noqa: S602 - the README's own command
-        command, shell=True, cwd=ROOT, capture_output=True, text=True, check=True
-    )
-    assert '"status":"succeeded"' in done.stdout
 
 
 def test_commands_exist() -> None:

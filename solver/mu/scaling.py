@@ -51,27 +51,37 @@ def upper_bound(N: NDArray[np.complex128], structure: BlockStructure) -> Bound:
     unit = N / np.where(size > 0, size, 1)[:, None, None]
     y = np.zeros((N.shape[0], structure.n_scales))
     if structure.n_scales:
-        _scale_matrices(unit, np.array(structure.scales), y)
+        channels = np.array(structure.scales)
+        rows = np.append(channels, np.full(structure.performance, -1))
+        _scale_matrices(unit, channels, rows, True, y)  # noqa: FBT003 - numba: positional only
     return bound_of_scales(N, np.exp(0.5 * y), structure)
 
 
 @compiled
-def _scale_matrices(N, scales, y):
-    """Optimal log squared scales of each N, with L = I and R = N as its factors."""
-    rows, channels = N.shape[1], scales.size
-    p = np.zeros(rows)
-    p[:channels] = 1.0
-    row_scale = np.full(rows, -1)
-    row_scale[:channels] = scales
-    row0 = np.array([0, rows])
-    col0 = np.array([0, channels])
+def _scale_matrices(N, scales, row_scale, all_free, y):
+    """Optimal log squared scales of each N, with L = I and R = N as its factors.
+
+    `all_free` is True, and an argument so that `solve` is compiled once for this and for `sweep`:
+    a constant would be of another type.
+    """
+    rows, channels = row_scale.size, scales.size
+    p, rest_p = np.empty(rows), np.empty(rows)
+    for i in range(rows):
+        p[i] = 1.0 if i < channels else 0.0
+        rest_p[i] = 1.0 - p[i]
+    cols = np.empty((rows, channels), np.complex128)
+    rest = np.empty((rows, rows - channels), np.complex128)
+    row0, col0 = np.empty(2, np.int64), np.empty(2, np.int64)
+    row0[0], row0[1] = 0, rows
+    col0[0], col0[1] = 0, channels
     ws = workspace(rows, channels, y.shape[1])
+    factors = (cols, rest, p, rest_p, row_scale, scales, row0, col0, all_free)
     for k in range(N.shape[0]):
-        cols = np.ascontiguousarray(N[k, :, :channels])
-        rest = np.ascontiguousarray(N[k, :, channels:])
-        factors = (
-            cols, rest, p, 1.0 - p, row_scale, scales, row0, col0, True,
-        )  # fmt: skip
+        for i in range(rows):
+            for j in range(channels):
+                cols[i, j] = N[k, i, j]
+            for j in range(channels, rows):
+                rest[i, j - channels] = N[k, i, j]
         balance(factors, y[k], ws)
         solve(factors, y[k], COLD, FINE, ws)
 
