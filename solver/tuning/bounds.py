@@ -8,6 +8,7 @@ import numpy as np
 
 from solver.blocks import reduce
 from solver.frequencies import corners
+from solver.transfer_function import LARGEST
 from solver.tuning.minimax import Box
 from solver.tuning.specification import ControllerKind, Specification
 
@@ -55,7 +56,8 @@ def parameter_box(specification: Specification, groups: tuple[tuple[int, ...], .
             rows.append(given.derivative_time or (1e-3 / crossover, 10 / crossover))
         low += [row[0] for row in rows]
         high += [row[1] for row in rows]
-    return Box(_log_inside(np.array(low), 1), _log_inside(np.array(high), -1))
+    largest = np.minimum(high, LARGEST)
+    return Box(_log_inside(np.array(low), 1), _log_inside(largest, -1))
 
 
 def _log_inside(bound: NDArray[np.float64], inward: int) -> NDArray[np.float64]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.certificate import Certificate, Claim
+from solver.errors import InvalidInputError
 from solver.integrity import in_one_line
 from solver.optimality import LowerBound, Optimality
 from solver.plants import ParallelPlant
@@ -23,6 +24,7 @@ from solver.results import (
 )
 from solver.robustness import LoopAnalysis
 from solver.stability import require_supported, unstable_poles
+from solver.transfer_function import LARGEST
 from solver.tuning.bounds import parameter_names
 from solver.tuning.feasibility import obstacle
 from solver.tuning.groupings import groupings, identical_groups
@@ -100,7 +102,7 @@ def tune(
     UnsupportedPlantError
         The plant is open-loop unstable.
     InvalidInputError
-        Too many different controllers.
+        Too many different controllers; or the best tau_P is too large a number.
 
     """
     require_supported(specification.plant)
@@ -211,6 +213,9 @@ class _Run:
         value = self.as_objective(candidate.value)
         if specification.objective is Objective.TAU_P:
             value *= 1 + ROUNDING
+            if value > LARGEST:
+                message = f"tau_P would be {value:.3g}: take a longer unit of time"
+                raise InvalidInputError(message, "/plant")
             performance = specification.performance.with_tau_p(value)
         else:
             performance = specification.performance

@@ -179,6 +179,15 @@ def test_too_many_independent_loops_and_unstable_plants_are_refused():
         run(unstable, Arrangement.IDENTICAL)
 
 
+def test_a_plant_too_slow_for_its_unit_of_time_is_told_so():
+    """A tau_P beyond the largest number is the unit's fault, and the message says that."""
+    plant = first_order(2, 1.0, 1e12, 0.5)
+    task = Specification(plant, Uncertainty.from_error(0.2, 1e12), Performance(), starts=1)
+    with pytest.raises(InvalidInputError, match="longer unit of time") as refused:
+        tune(task)
+    assert refused.value.field == "/plant"
+
+
 def test_large_groups_cost_what_small_ones_cost():
     """n = 1000 in two groups has the blocks of n = 4 in two groups, and the same curves' size."""
     large = run(
