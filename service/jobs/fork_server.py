@@ -6,11 +6,22 @@ The import itself does the compiling: that is the one thing that Python's fork s
 told to do, and every process forked from it is then ready at once.
 """
 
+# ruff: noqa: F401 - all imported for the processes forked later
+
 import gc
 
 import service.analyses
 import service.computing
-import service.jobs.work  # noqa: F401 - all imported for the processes forked later
+import service.jobs.work
+import solver.integrity
+import solver.interaction.analysis
+import solver.interaction.decoupling
+import solver.interaction.drive_simulation
+import solver.interaction.loop_effect
+import solver.interaction.parallel_drives
+import solver.relay
+import solver.robustness
+import solver.simulation.worst_actuators
 from solver.warm import warm
 
 __all__: list[str] = []

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pydantic import ConfigDict, Field, JsonValue
 
@@ -11,7 +11,9 @@ from service.schemas.fields import ResultModel
 from service.schemas.given_loops import EXAMPLE, GivenLoops, LoopsTask
 from service.schemas.interaction import IntegralControllability
 from service.schemas.peaks import Peak
-from solver.integrity import Integrity
+
+if TYPE_CHECKING:
+    from solver.integrity import Integrity
 
 __all__ = ["IntegrityRequest", "IntegrityResult", "integrity_to_json"]
 

@@ -19,7 +19,6 @@ from service.schemas.plants import Plant
 from solver.errors import InvalidInputError
 from solver.plants import MAX_MATRIX_SIZE, MAX_UNITS
 from solver.simulation.experiment import MAX_SAMPLES
-from solver.simulation.worst_actuators import with_worst_actuators
 from solver.transfer_function import LARGEST
 
 __all__ = [
@@ -101,6 +100,9 @@ class StepResponseTask:
         """
         if self.demand is None:
             return solver.simulation.step_response(self.experiment)
+        # Here, since it brings the kernels, and the service that reads requests needs none.
+        from solver.simulation.worst_actuators import with_worst_actuators  # noqa: PLC0415
+
         with below("/perturbation"):
             perturbed = with_worst_actuators(self.experiment, *self.demand)
         return solver.simulation.step_response(perturbed)

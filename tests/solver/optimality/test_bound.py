@@ -127,7 +127,7 @@ def test_the_time_limit_ends_the_proof_and_not_the_tuning(monkeypatch):
 
     def no_time(self, checkpoint):
         self._examine(self._open[0])
-        clock = importlib.import_module("solver.tuning.tune")._Clock  # noqa: SLF001
+        clock = importlib.import_module("solver.tuning.tuner")._Clock  # noqa: SLF001
         monkeypatch.setattr(clock, "elapsed", math.inf)
         checkpoint()
 
