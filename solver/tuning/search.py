@@ -214,17 +214,18 @@ class GroupingSearch:
                 self._remember(optimum, optimum.count)
             elif attempts < POLISHED:
                 attempts += 1
-                candidate = self.exact(optimum.theta)
+                candidate = self.exact(optimum.theta, best)
                 if candidate is not None:
                     found.append(candidate)
                     best = min(best, candidate.value)
                     self._remember(candidate, optimum.count)
         return found
 
-    def exact(self, theta: NDArray[np.float64]) -> Candidate | None:
+    def exact(self, theta: NDArray[np.float64], beaten: float = math.inf) -> Candidate | None:
         """Descend with the peaks followed, until the value is that of the whole axis.
 
-        None where no settings near `theta` meet the demand between the grid's points too.
+        None where no settings near `theta` meet the demand between the grid's points too. Ends
+        early where the value cannot fall below `beaten`.
         """
         peaks = self._peaks_between(self.objective.evaluate(theta))
         omega = self.objective.omega
@@ -242,7 +243,8 @@ class GroupingSearch:
             if best is None or candidate.value < best.value:
                 best = candidate
             stuck = before is not None and abs(candidate.value - before.value) < SETTLED
-            if stuck or candidate.excess <= SETTLED:
+            # Here is the least value for fewer frequencies than there are.
+            if stuck or candidate.excess <= SETTLED or here.merit > beaten:
                 break
             # Some peak was not followed, or is a kink, which no parabola meets: follow it from now
             # on, and hold it at its place too.
