@@ -124,8 +124,9 @@ def draw(lines):
                 == ("12", "PI", "100", share)
             ]  # fmt: skip
             over_split.plot(range(1, 7), gains, color, marker=marker, ms=4, label=f"share {share}")
-        over_a.set(xlabel="a as a share of its range, -1/(n - 1) to 1", xticks=(-1, -0.5, 0, 0.5, 1),
-                   ylabel="reduction of τP by the best split (%)")  # fmt: skip
+        over_a.set(xlabel="a as a share of its range, -1/(n - 1) to 1",
+                   ylabel="reduction of τP by the best split (%)",
+                   xticks=(-1, -0.5, 0, 0.5, 1))  # fmt: skip
         over_split.set(xlabel="units in the smaller group, of 12",
                        ylabel="reduction of τP by this split (%)")  # fmt: skip
         for axes in (over_a, over_split):
