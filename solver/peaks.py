@@ -13,9 +13,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-__all__ = ["highest", "local_peaks"]
+__all__ = ["highest", "local_peaks", "zoom"]
 
-ZOOM = 32  # points a bracket is cut into; each round keeps two of its intervals
+SECTIONS = 32  # of a bracket; each round keeps two of them
 ROUNDS = 3  # 16^3 = 4,096: a smooth peak is then right to 1e-8 of its drop over the bracket
 
 
@@ -55,19 +55,53 @@ def local_peaks(
     last = omega.size - 1
     low = np.log(omega[np.maximum(found - 1, 0)])
     high = np.log(omega[np.minimum(found + 1, last)])
-    best, best_value = omega[found].copy(), values[found].copy()
-    fractions = np.arange(ZOOM + 1) / ZOOM
-    rows = np.arange(found.size)
+    return zoom(
+        lambda points: curve(points.ravel()).reshape(points.shape),
+        low, high, omega[found], values[found], sections=SECTIONS, rounds=rounds,
+    )  # fmt: skip
+
+
+def zoom(
+    curve: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    low: NDArray[np.float64],
+    high: NDArray[np.float64],
+    omega: NDArray[np.float64],
+    values: NDArray[np.float64],
+    *,
+    sections: int,
+    rounds: int,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Refine maxima inside their brackets; each round keeps two of a bracket's sections.
+
+    Parameters
+    ----------
+    curve : callable
+        Values (r, q) at frequencies (r, q), a row for each maximum.
+    low, high : (r,)
+        Brackets, log of rad per time unit.
+    omega, values : (r,)
+        The maxima so far.
+    sections, rounds : int
+        Sections that a bracket is cut into, and how often.
+
+    Returns
+    -------
+    omega, values : (r,)
+        The greatest values found, and where.
+
+    """
+    fractions = np.arange(sections + 1) / sections
+    rows = np.arange(omega.size)
     for _ in range(rounds):
         points = low[:, None] + (high - low)[:, None] * fractions
-        here = curve(np.exp(points.ravel())).reshape(points.shape)
+        here = curve(np.exp(points))
         index = here.argmax(axis=1)
-        better = here[rows, index] > best_value
-        best = np.where(better, np.exp(points[rows, index]), best)
-        best_value = np.where(better, here[rows, index], best_value)
+        better = here[rows, index] > values
+        omega = np.where(better, np.exp(points[rows, index]), omega)
+        values = np.where(better, here[rows, index], values)
         low = points[rows, np.maximum(index - 1, 0)]
-        high = points[rows, np.minimum(index + 1, ZOOM)]
-    return best, best_value
+        high = points[rows, np.minimum(index + 1, sections)]
+    return omega, values
 
 
 def highest(

@@ -79,7 +79,7 @@ class Curves:
 class LocalOptimum:
     """A distinct local optimum: its value, how many starts ended there, its loops.
 
-    Permuted copies count as one.
+    Permuted copies count as one. The value of one that cannot win is of the search's grid.
     """
 
     value: float

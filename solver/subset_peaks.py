@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +13,7 @@ from solver.mu.kernel import COLD, FINE
 from solver.mu.scaling import sweep
 from solver.mu.structure import BlockStructure, bound_of_scales
 from solver.mu.worst_case import interconnection
+from solver.peaks import zoom
 from solver.plants import MatrixPlant, ParallelPlant
 from solver.results import Peak
 
@@ -27,7 +29,7 @@ __all__ = ["peaks"]
 
 COARSE = 1e-4  # last barrier parameter while a peak is located; its value is found with FINE
 WITHIN = 0.05  # local maxima lower than the greatest by more than this share are not refined
-ZOOM = 8  # points a bracket is cut into; each round keeps two of its intervals
+SECTIONS = 8  # of a bracket; each round keeps two of them
 ROUNDS = 4  # 4^4 = 256: a step of a tenth of a decade becomes 1e-3, and the peak's error 1e-6
 MAX_ENTRIES = 4_000_000  # complex numbers in one batch of matrices, for the memory's sake
 
@@ -141,21 +143,13 @@ class _Family:
         owner, found = np.nonzero(top & near)
         low = np.log(omega[np.maximum(found - 1, 0)])
         high = np.log(omega[np.minimum(found + 1, omega.size - 1)])
-        fractions = np.arange(ZOOM + 1) / ZOOM
-        rows = np.arange(owner.size)
-        best, best_value = np.log(omega[found]), values[owner, found]
-        for _ in range(ROUNDS):
-            points = low[:, None] + (high - low)[:, None] * fractions
-            here = self._levels(members[owner], np.exp(points))
-            index = here.argmax(axis=1)
-            better = here[rows, index] > best_value
-            best = np.where(better, points[rows, index], best)
-            best_value = np.where(better, here[rows, index], best_value)
-            low = points[rows, np.maximum(index - 1, 0)]
-            high = points[rows, np.minimum(index + 1, ZOOM)]
+        best, best_value = zoom(
+            partial(self._levels, members[owner]),
+            low, high, omega[found], values[owner, found], sections=SECTIONS, rounds=ROUNDS,
+        )  # fmt: skip
         order = np.argsort(best_value, kind="stable")  # the last one written is the greatest
         frequencies = np.empty(members.size)
-        frequencies[owner[order]] = np.exp(best[order])
+        frequencies[owner[order]] = best[order]
         return frequencies
 
     def bounds(self, members: NDArray[np.intp], omega: NDArray[np.float64]) -> NDArray[np.float64]:

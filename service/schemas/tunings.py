@@ -171,7 +171,8 @@ class SearchSummary(ResultModel):
 
     starts: int = Field(description="Starts made.", examples=[24])
     local_optima: list[Optimum] = Field(
-        description="Distinct local optima, best first; the best three at most.",
+        description="Distinct local optima, best first. Values of those that cannot win are of the "
+        "search's grid of frequencies.",
         examples=[[{"value": 18.446, "count": 9, "loops": []}]],
     )
     seed: int = Field(description="Seed of the search.", examples=[0])

@@ -42,7 +42,7 @@ from solver.mu.workspace import (
     square,
 )
 
-__all__ = ["COLD", "FINE", "balance", "sensitivities", "solve"]
+__all__ = ["COLD", "FINE", "balance", "centred_level", "sensitivities", "solve"]
 
 COLD = 1e-2  # first nu: the scales may still be far off
 FINE = 1e-9  # last nu: the level is right to about nu times the multiplicity
@@ -97,7 +97,7 @@ def solve(factors, y, nu, nu_end, ws):
         if factors[3][i] > 0.0:
             moving = y.size
     steps_at_nu = 0
-    centre = _centre(inverse_levels, top, nu)
+    centre = centred_level(inverse_levels, top, nu)
     value = _value(inverse_levels, centre, h, nu)
     for _ in range(MAX_ITERATIONS):
         _derivatives(factors, ws, 1.0 / centre)
@@ -119,14 +119,14 @@ def solve(factors, y, nu, nu_end, ws):
                 trial[s] = y[s] + length * step[s]
             top_trial, h_trial = _inverse_levels(factors, trial, ws)
             if top_trial < math.inf:
-                centre_trial = _centre(inverse_levels, top_trial, nu)
+                centre_trial = centred_level(inverse_levels, top_trial, nu)
                 new = _value(inverse_levels, centre_trial, h_trial, nu)
                 if drop or new <= value - 0.1 * length * decrement + 1e-12 * abs(value):
                     break
             length *= 0.4
             if not length > 1e-8:  # rounding stops the descent: y is as good as it gets
                 top, h = _inverse_levels(factors, y, ws)
-                return -math.log(top), _centre(inverse_levels, top, nu)
+                return -math.log(top), centred_level(inverse_levels, top, nu)
         for s in range(y.size):
             y[s] = trial[s]
         top, centre, value = top_trial, centre_trial, new
@@ -214,7 +214,7 @@ def _inverse_levels(factors, y, ws):
 
 
 @inner
-def _centre(levels, top, nu):
+def centred_level(levels, top, nu):
     """Return L = e^-t with sum l_i/(L - l_i) = 1/nu.
 
     The harmonic form 1/sum is concave and increasing in L, so Newton from the left never leaves

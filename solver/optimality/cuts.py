@@ -23,6 +23,7 @@ import math
 
 import numpy as np
 
+from solver.mu.kernel import centred_level
 from solver.mu.workspace import compiled, square
 
 __all__ = ["NEVER", "NU", "cuts"]
@@ -123,7 +124,7 @@ def _directions(c, G, u, p, layout, x, Z, V):
         lowest = min(lowest, levels[lo])
     if not 0.0 < lowest < math.inf:
         return False
-    level = lowest / _barrier_ratio(levels / lowest)
+    level = lowest / centred_level(lowest / levels, 1.0, NU)
     for block in range(first.size - 1):
         lo = first[block]
         c1, x1 = c[channels[lo]], x[scales[lo]]
@@ -151,22 +152,6 @@ def _directions(c, G, u, p, layout, x, Z, V):
             V[lo, j] = (np.conj(G[lo, 0]) * f1 + np.conj(G[lo + 1, 0]) * f2) / x1
             V[lo + 1, j] = (np.conj(G[lo, 1]) * f1 + np.conj(G[lo + 1, 1]) * f2) / x2
     return True
-
-
-@compiled
-def _barrier_ratio(ratios):
-    """Solve sum 1/(ratio r - 1) = 1/nu for r > 1; the least ratio is 1."""
-    low, high = 1.0 + NU, 1.0 + NU * ratios.size
-    for _ in range(30):
-        middle = 0.5 * (low + high)
-        total = 0.0
-        for ratio in ratios:
-            total += 1.0 / (ratio * middle - 1.0)
-        if total > 1.0 / NU:
-            low = middle
-        else:
-            high = middle
-    return high
 
 
 @compiled

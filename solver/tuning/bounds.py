@@ -56,8 +56,7 @@ def parameter_box(specification: Specification, groups: tuple[tuple[int, ...], .
             rows.append(given.derivative_time or (1e-3 / crossover, 10 / crossover))
         low += [row[0] for row in rows]
         high += [row[1] for row in rows]
-    largest = np.minimum(high, LARGEST)
-    return Box(_log_inside(np.array(low), 1), _log_inside(largest, -1))
+    return Box(_log_inside(np.array(low), 1), _log_inside(np.minimum(high, LARGEST), -1))
 
 
 def _log_inside(bound: NDArray[np.float64], inward: int) -> NDArray[np.float64]:

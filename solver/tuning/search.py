@@ -36,7 +36,6 @@ if TYPE_CHECKING:
 __all__ = ["Candidate", "GroupingSearch", "Optimum"]
 
 POINTS_PER_DECADE = 11
-MEASURED_PER_DECADE = 22
 STARTS_PER_PARAMETER = 3
 SAME_VALUE = 5e-3  # difference of s below which two optima may be one
 SAME_PLACE = 0.05  # and of the log parameters
@@ -279,7 +278,7 @@ class GroupingSearch:
         )
         high = max(1e2 * bends[-1], self.objective.omega[-1])
         extra = [resonances(self.specification.plant), bends, self.objective.omega]
-        omega = grid(low, high, MEASURED_PER_DECADE, extra)
+        omega = grid(low, high, 2 * POINTS_PER_DECADE, extra)
         missed = []
         for _ in range(2):  # the peaks of the demand's excess move little with s
 
