@@ -10,7 +10,7 @@ import numpy as np
 from solver.mu.kernel import COLD
 from solver.mu.scaling import sweep
 from solver.optimality.cuts import NU, cuts
-from solver.optimality.settings_box import demands, in_settings, narrow
+from solver.optimality.settings_box import demands, narrow
 from solver.plants import ParallelPlant
 
 if TYPE_CHECKING:
@@ -112,16 +112,20 @@ class Conditions:
             first = COLD if cold else 10 * NU
             sweep(G, c, u, p, self.blocks.layout, all_free, first, NU, cold, y)
             cold = False
-            constant, beta, M = cuts(c, G, u, p, self.blocks.layout, np.exp(y))
-            value = constant + 2 * (beta * c).sum(axis=1).real
-            value += np.einsum("ki,kij,kj->k", c.conj(), M, c).real
-            slack = np.minimum(slack, value / p)
-            found.append((constant, *in_settings(beta, M, self.signs, points)))
+            made = cuts(c, G, u, p, self.blocks.layout, np.exp(y))
+            psi = np.ones((used.size, 1), dtype=complex)
+            for j in range(c.shape[1]):
+                psi = np.concatenate([psi, psi * c[:, j : j + 1]], axis=1)
+            value, norm = (
+                np.einsum("ki,kij,kj->k", psi.conj(), form, psi).real for form in made[:2]
+            )
+            slack = np.minimum(slack, np.divide(value, p*norm, out=np.full(used.size, np.inf), where=norm > 0))
+            found.append(made)
             cut = tuple(np.concatenate(parts) for parts in zip(*found, strict=True))
             middle, half = 0.5 * (low + high), 0.5 * (high - low)
             excluded, s, e, hidden, room, w = narrow(
                 low, high, cut, np.tile(p, turn), np.tile(points, turn), np.tile(reach, turn),
-                self.cone, weight, self.target, s,
+                self.signs, self.cone, weight, self.target, s,
             )  # fmt: skip
             if excluded:
                 return Verdict(self.target, None, low, high, used)

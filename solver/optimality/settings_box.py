@@ -15,13 +15,13 @@ import math
 import numpy as np
 
 from solver.mu.workspace import compiled
-from solver.optimality.cuts import NEVER
-from solver.optimality.infeasibility import ROUNDING, excludes, least_weights
+from solver.optimality.infeasibility import ROUNDING, least_weights
 
-__all__ = ["demands", "in_settings", "narrow"]
+__all__ = ["demands", "narrow"]
 
 MARGIN = 1e-13  # of the sum of the moduli in a cut, for rounding; see docs/optimality.md
 HALVINGS = 40
+NEVER = 1e300  # right side of a condition that says nothing
 LOWEST = -60.0  # s of no interest below
 
 
@@ -49,73 +49,30 @@ def _demand(s, at, max_peak, offset):
 
 
 @compiled
-def in_settings(beta, M, signs, points):
-    """Linear (k, m) and quadratic (k, m, m) coefficients of cuts in the variables of the box."""
-    m = 2 * signs.size
-    linear = np.empty((points.size, m))
-    quadratic = np.empty((points.size, m, m))
-    for k in range(points.size):
-        for i in range(m):
-            unit = signs[i // 2] * (1.0 + 0j if i % 2 == 0 else 1.0 / points[k])
-            linear[k, i] = 2.0 * (unit * beta[k, i // 2]).real
-            for j in range(m):
-                other = signs[j // 2] * (1.0 + 0j if j % 2 == 0 else 1.0 / points[k])
-                quadratic[k, i, j] = (np.conj(unit) * other * M[k, i // 2, j // 2]).real
-    return linear, quadratic
-
-
-@compiled
-def narrow(low, high, cut, p, points, reach, cone, weight, target, known):
-    """Exclude a box, or tell what is possible in it.
-
-    Parameters
-    ----------
-    low, high : (m,)
-        The box, > 0; tightened in place to what each condition leaves.
-    cut : tuple
-        constant (k,), linear (k, m) and quadratic (k, m, m) of the cuts; several may stand for a
-        point.
-    p, points, reach : (k,)
-        The demand at the target, the point of each cut, and a bound of the norm of I + G C and
-        its derivative there for controllers of modulus 1.
-    cone : (rows, m)
-        Conditions cone v >= 0.
-    weight : tuple
-        M, A of w_P.
-    target, known : float
-        s to be excluded, and a lower bound of s over the box.
-
-    Returns
-    -------
-    excluded : bool
-        No settings in the box reach the target.
-    s : float
-        Lower bound of s over the box.
-    e : (m,)
-        Where, in -1..1 of the box as it was, the conditions are met best.
-    hidden : (m,)
-        What the curvature in each variable adds to the conditions that matter.
-    room : float
-        By how much the conditions are met there, with the curvature added.
-    w : (k,)
-        Weights of the cuts.
-
-    """
+def narrow(low, high, cut, p, points, reach, signs, cone, weight, target, known):
+    """Exclude a box, or tell what is possible in it."""
     m, count = low.size, points.size
     a = np.empty((count + cone.shape[0], m))
     b = np.empty(count + cone.shape[0])
-    _linearise(low, high, cut, p, points, reach, cone, a, b)
+    share = np.empty(count)
+    bends = np.empty((count + cone.shape[0], 3**m))
+    _linearise(low, high, cut, p, points, reach, signs, cone, a, b, share, bends)
     w, e = least_weights(a, b)
     hidden = np.zeros(m)
-    if excludes(w, a, b):
-        return True, target, e, hidden, 0.0, w[:count]
-    s = _excluded_up_to(w, a, b, p, points, weight, target, known)
-    for k in range(count):
+    total = np.zeros(3**m)
+    size = 0.0
+    for k in range(b.size):
         if w[k] > 0.0:
-            for i in range(m):
-                for j in range(m):
-                    widths = (high[i] - low[i]) * (high[j] - low[j])
-                    hidden[i] += 0.25 * w[k] / p[k] * abs(cut[2][k, i, j]) * widths
+            largest = 0.0
+            for i in range(total.size):
+                total[i] += w[k] * bends[k, i]
+                largest = max(largest, abs(bends[k, i]))
+            size += w[k] * largest
+    rest = total.max() + ROUNDING * size
+    if rest < 0.0:
+        return True, target, e, hidden, 0.0, w[:count]
+    s = _excluded_up_to(w, rest, p, points, share, weight, target, known)
+    _curvature(total, hidden)
     room = math.inf
     for k in range(b.size):
         value = b[k]
@@ -127,58 +84,141 @@ def narrow(low, high, cut, p, points, reach, cone, weight, target, known):
 
 
 @compiled
-def _linearise(low, high, cut, p, points, reach, cone, a, b):
-    """Fill in the linear conditions b + a e >= 0 over the box, relative to the demand."""
-    constant, linear, quadratic = cut
-    m, count = low.size, points.size
-    for k in range(count):
-        value, size = constant[k] * (1.0 - p[k]), 1.0
-        for i in range(0, m, 2):
-            size += (high[i] + high[i + 1] / abs(points[k])) * reach[k]
-        for i in range(m):
-            middle, half = 0.5 * (low[i] + high[i]), 0.5 * (high[i] - low[i])
-            value += linear[k, i] * middle
-            slope = linear[k, i]
+def _curvature(total, hidden):
+    """What second differences in each variable add."""
+    m = hidden.size
+    for i in range(m):
+        step = 3 ** (m - 1 - i)
+        for at in range(total.size):
+            if at // step % 3 != 0:
+                continue
+            hidden[i] += abs(total[at] - 2.0 * total[at + step] + total[at + 2 * step])
             for j in range(m):
-                other = 0.5 * (low[j] + high[j])
-                value += quadratic[k, i, j] * middle * other
-                value += abs(quadratic[k, i, j]) * half * 0.5 * (high[j] - low[j])
-                slope += 2.0 * quadratic[k, i, j] * other
-            a[k, i] = slope * half / p[k]
-        b[k] = NEVER if constant[k] >= NEVER else (value + MARGIN * size * size) / p[k]
-    for row in range(cone.shape[0]):
-        value, norm = 0.0, 0.0
-        for i in range(m):
-            value += cone[row, i] * 0.5 * (low[i] + high[i])
-            norm += abs(cone[row, i]) * 0.5 * (low[i] + high[i])
-        for i in range(m):
-            a[count + row, i] = cone[row, i] * 0.5 * (high[i] - low[i]) / norm
-        b[count + row] = value / norm + MARGIN
+                other = 3 ** (m - 1 - j)
+                if j != i and at // other % 3 == 0:
+                    hidden[i] += 0.75 * abs(
+                        total[at] - total[at + 2 * step] - total[at + 2 * other]
+                        + total[at + 2 * step + 2 * other]
+                    )
 
 
 @compiled
-def _excluded_up_to(w, a, b, p, points, weight, target, known):
+def _ends(low, high, at, sign, c, squares):
+    """Bernstein coefficients of degrees (2, 2) of c = sign (k + m/s) and |c|^2 over k and m."""
+    inverse = 1.0 / at
+    for i in range(3):
+        k = 0.5 * ((2 - i) * low[0] + i * high[0])
+        k2 = low[0] * high[0] if i == 1 else k * k
+        for j in range(3):
+            m = 0.5 * ((2 - j) * low[1] + j * high[1])
+            m2 = low[1] * high[1] if j == 1 else m * m
+            c[3 * i + j] = sign * (k + m * inverse)
+            squares[3 * i + j] = (
+                k2 + 2.0 * k * m * inverse.real
+                + m2 * (inverse.real * inverse.real + inverse.imag * inverse.imag)
+            )
+
+
+@compiled
+def _coefficients(form, c, squares, out):
+    """Bernstein coefficients of psi^H form psi."""
+    if form.shape[0] == 2:
+        for i in range(9):
+            out[i] = (
+                form[0, 0].real + 2.0 * (form[0, 1] * c[0, i]).real
+                + form[1, 1].real * squares[0, i]
+            )
+        return
+    for j in range(9):
+        cj, sj = c[1, j], squares[1, j]
+        plain = form[0, 0].real + 2.0 * (form[0, 2] * cj).real + form[2, 2].real * sj
+        whole = form[1, 1].real + 2.0 * (form[1, 3] * cj).real + form[3, 3].real * sj
+        mixed = form[0, 1] + form[0, 3] * cj + form[2, 1] * np.conj(cj) + form[2, 3] * sj
+        for i in range(9):
+            out[9 * i + j] = plain + 2.0 * (mixed * c[0, i]).real + whole * squares[0, i]
+
+
+@compiled
+def _linearise(low, high, cut, p, points, reach, signs, cone, a, b, share, bends):
+    """Fill in the linear conditions b + a e >= 0 over the box, relative to the demand."""
+    square, norm, sizes = cut
+    m, count = low.size, points.size
+    controllers = signs.size
+    c = np.empty((controllers, 9), np.complex128)
+    squares = np.empty((controllers, 9))
+    lengths = np.empty(3**m)
+    for k in range(count):
+        size, length = 1.0, sizes[k, 0]
+        for i in range(controllers):
+            _ends(low[2 * i:2 * i + 2], high[2 * i:2 * i + 2], points[k], signs[i], c[i], squares[i])
+            largest = high[2 * i] + high[2 * i + 1] / abs(points[k])
+            size += largest * reach[k]
+            length += sizes[k, 1 + i] * largest
+        if not length > 0.0:
+            bends[k] = NEVER
+            a[k] = 0.0
+            b[k] = NEVER
+            share[k] = 0.0
+            continue
+        _coefficients(square[k] - p[k] * norm[k], c, squares, bends[k])
+        _coefficients(norm[k], c, squares, lengths)
+        unit = p[k] * lengths[lengths.size // 2]
+        margin = MARGIN * (size * size + p[k]) * length * length
+        for i in range(lengths.size):
+            bends[k, i] = (bends[k, i] + margin) / unit
+        share[k] = max(lengths.min() * p[k] - margin, 0.0) / unit
+        b[k] = _slopes(bends[k], a[k])
+    for row in range(cone.shape[0]):
+        value, norms = 0.0, 0.0
+        for i in range(m):
+            value += cone[row, i] * 0.5 * (low[i] + high[i])
+            norms += abs(cone[row, i]) * 0.5 * (low[i] + high[i])
+        k = count + row
+        for i in range(m):
+            a[k, i] = cone[row, i] * 0.5 * (high[i] - low[i]) / norms
+        b[k] = value / norms + MARGIN
+        for at in range(bends.shape[1]):
+            bends[k, at] = b[k]
+            rest = at
+            for i in range(m - 1, -1, -1):
+                bends[k, at] += a[k, i] * (rest % 3 - 1)
+                rest //= 3
+
+
+@compiled
+def _slopes(bends, slope):
+    """Mean slopes, and the most that the coefficients are above a linear function with them."""
+    m = slope.size
+    for i in range(m):
+        step = 3 ** (m - 1 - i)
+        total = 0.0
+        for at in range(bends.size):
+            total += bends[at] * (at // step % 3 - 1)
+        slope[i] = total / (2 * 3 ** (m - 1))
+    most = -math.inf
+    for at in range(bends.size):
+        value, rest = bends[at], at
+        for i in range(m - 1, -1, -1):
+            value -= slope[i] * (rest % 3 - 1)
+            rest //= 3
+        most = max(most, value)
+    return most
+
+
+@compiled
+def _excluded_up_to(w, rest, p, points, share, weight, target, known):
     """Greatest s up to `target` that the weights exclude from the box, at least `known`.
 
-    Only the demand depends on s: what a condition lacks is w (p(s)/p - 1) more.
+    Only the demand depends on s: what a condition lacks is w share (p(s)/p - 1) more.
     """
-    rest = 0.0
-    for k in range(b.size):
-        rest += w[k] * (b[k] + ROUNDING * abs(b[k]))
-    for i in range(a.shape[1]):
-        slope, sizes = 0.0, 0.0
-        for k in range(b.size):
-            slope += w[k] * a[k, i]
-            sizes += w[k] * abs(a[k, i])
-        rest += abs(slope) + ROUNDING * sizes
     lowest, highest = max(known, LOWEST), target
     for turn in range(HALVINGS):
         middle = lowest if turn == 0 else 0.5 * (lowest + highest)
         value = rest
         for k in range(points.size):
             if w[k] > 0.0:
-                share = _demand(middle, points[k], weight[0], weight[1]) / p[k]
-                value += w[k] * (1.0 - share * (1.0 - ROUNDING))
+                more = _demand(middle, points[k], weight[0], weight[1]) / p[k]
+                value += w[k] * share[k] * (1.0 - more * (1.0 - ROUNDING))
         if value < 0.0:
             lowest = middle
         elif turn == 0:

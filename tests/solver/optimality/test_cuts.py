@@ -65,9 +65,13 @@ def cut_at(objective, theta):
 
 
 def right_side(cut, c):
-    constant, linear, quadratic = cut
-    square = np.einsum("ki,kij,kj->k", c.conj(), quadratic, c).real
-    return constant + 2 * (linear * c).sum(axis=1).real + square
+    """The level that a cut permits the controllers."""
+    square, norm, _ = cut
+    psi = np.ones((c.shape[0], 1))
+    for j in range(c.shape[1]):
+        psi = np.concatenate([psi, psi * c[:, j : j + 1]], axis=1)
+    level, length = (np.einsum("ki,kij,kj->k", psi.conj(), f, psi).real for f in (square, norm))
+    return level / length
 
 
 settings_near = st.lists(st.floats(-2, 2), min_size=4, max_size=4)
