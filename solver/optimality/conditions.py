@@ -121,10 +121,11 @@ class Conditions:
             )
             slack = np.minimum(slack, np.divide(value, p*norm, out=np.full(used.size, np.inf), where=norm > 0))
             found.append(made)
+            if len(self.signs)==2: found.append(cuts(c, G, u, p, self.blocks.layout, np.exp(y), False))
             cut = tuple(np.concatenate(parts) for parts in zip(*found, strict=True))
             middle, half = 0.5 * (low + high), 0.5 * (high - low)
             excluded, s, e, hidden, room, w = narrow(
-                low, high, cut, np.tile(p, turn), np.tile(points, turn), np.tile(reach, turn),
+                low, high, cut, np.tile(p, len(found)), np.tile(points, len(found)), np.tile(reach, len(found)),
                 self.signs, self.cone, weight, self.target, s,
             )  # fmt: skip
             if excluded:

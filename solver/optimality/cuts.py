@@ -33,7 +33,7 @@ SHORT = 1.0 - 1e-12  # h and q stay shorter than 1 whatever the rounding
 
 
 @compiled
-def cuts(c, G, u, p, layout, x):
+def cuts(c, G, u, p, layout, x, follow=True):
     """Conditions p psi^H norm psi <= psi^H square psi, sharp near `c`.
 
     psi holds the products of the controllers: (1, c) or (1, c_1, c_2, c_1 c_2).
@@ -74,7 +74,7 @@ def cuts(c, G, u, p, layout, x):
             c[k], layout, Z, V, Q
         ):
             reach = math.sqrt(u[k]) * _part(c[k], G[k], math.sqrt(u[k]), layout, Z, V, Q)
-            if controllers == 2:
+            if controllers == 2 and follow:
                 _follow(c[k], G[k], reach, layout, Z, V, Q, slope)
             _expand(c[k], G[k], reach, layout, Z, V, Q, slope, square_form[k], norm[k], size[k])
     return square_form, norm, size
@@ -220,15 +220,22 @@ def _follow(c, G, reach, layout, Z, V, Q, slope):
     for r in range(channels.size):
         for j in range(2):
             drive[scales[r]] += np.conj(Q[r, j]) * c[channels[r]] * Z[r, j]
-    seen = np.empty(2, np.complex128)
+    seen = np.zeros((2, 2), np.complex128)  # I - Delta
     for r in range(2):
-        overlap, needed = 0j, 0.0
-        for j in range(2):
-            own = c[channels[r]] * Z[r, j]
-            overlap += reach * V[r, j] * drive[scales[r]] * np.conj(own)
-            needed += square(own)
-        seen[r] = 1.0 - overlap / needed if needed > 0.0 else 1.0 + 0j
-    g11, g12, g21, g22 = G[0, 0] * seen[0], G[0, 1] * seen[1], G[1, 0] * seen[0], G[1, 1] * seen[1]
+        needed = 0.0
+        for i in range(2):
+            if scales[i] == scales[r]:
+                for j in range(2):
+                    own = c[channels[i]] * Z[i, j]
+                    needed += square(own)
+                    seen[r, i] -= reach * V[r, j] * drive[scales[r]] * np.conj(own)
+        for i in range(2):
+            seen[r, i] = seen[r, i] / needed if needed > 0.0 else 0j
+        seen[r, r] += 1.0
+    g11 = G[0, 0] * seen[0, 0] + G[0, 1] * seen[1, 0]
+    g12 = G[0, 0] * seen[0, 1] + G[0, 1] * seen[1, 1]
+    g21 = G[1, 0] * seen[0, 0] + G[1, 1] * seen[1, 0]
+    g22 = G[1, 0] * seen[0, 1] + G[1, 1] * seen[1, 1]
     c1, c2 = c[channels[0]], c[channels[1]]
     both = g11 * g22 - g12 * g21
     det = 1.0 + g11 * c1 + g22 * c2 + both * c1 * c2
