@@ -139,6 +139,20 @@ def _coefficients(form, c, squares, out):
 
 
 @compiled
+def _middle(form, c):
+    """psi^H form psi in the middle of the box."""
+    if form.shape[0] == 2:
+        psi = np.array([1.0 + 0j, c[0, 4]])
+    else:
+        psi = np.array([1.0 + 0j, c[0, 4], c[1, 4], c[0, 4] * c[1, 4]])
+    total = 0.0
+    for i in range(psi.size):
+        for j in range(psi.size):
+            total += (np.conj(psi[i]) * form[i, j] * psi[j]).real
+    return total
+
+
+@compiled
 def _linearise(low, high, cut, p, points, reach, signs, cone, a, b, share, bends):
     """Fill in the linear conditions b + a e >= 0 over the box, relative to the demand."""
     square, norm, sizes = cut
@@ -162,7 +176,7 @@ def _linearise(low, high, cut, p, points, reach, signs, cone, a, b, share, bends
             continue
         _coefficients(square[k] - p[k] * norm[k], c, squares, bends[k])
         _coefficients(norm[k], c, squares, lengths)
-        unit = p[k] * lengths[lengths.size // 2]
+        unit = p[k] * _middle(norm[k], c)
         margin = MARGIN * (size * size + p[k]) * length * length
         for i in range(lengths.size):
             bends[k, i] = (bends[k, i] + margin) / unit
