@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from solver.optimality.conditions import Conditions, cone
+from solver.optimality.conditions import Conditions, cone, robust_limits
 from solver.optimality.record import Optimality, Proof
 from solver.optimality.samples import samples
 
@@ -97,6 +97,7 @@ class LowerBound:
             cone(blocks, shortest, longest),
         )  # fmt: skip
         low, high = low * (1 - OUTWARD), high * (1 + OUTWARD)
+        high = np.minimum(high, robust_limits(blocks, known, objective.signs))
         self._whole = _Box(-math.inf, 0, low, high, self._conditions.all_points)
         self._open = [self._whole]
         self._proven = -math.inf

@@ -20,8 +20,10 @@ if TYPE_CHECKING:
     from solver.optimality.samples import Samples
     from solver.weights import Performance
 
-__all__ = ["Conditions", "Verdict", "cone"]
+__all__ = ["Conditions", "Verdict", "cone", "robust_limits"]
 
+WIDE = 0.25
+CLEARLY = 1e-3
 ROUNDS = 3  # cuts at the centre, then at the points that remained possible
 
 
@@ -135,10 +137,9 @@ class Conditions:
                 break
             v = np.clip(middle + half * e, low, high)
         slack[np.flatnonzero(w) % used.size] = -1
-        ratio = high / low
-        split = int(hidden.argmax() if hidden.max() > 0 else ratio.argmax())
-        if not ratio[split] > 1 + 1e-12:
-            split = int(ratio.argmax())
+        ratio = np.log(high / low)
+        wide = ratio >= WIDE * ratio.max()
+        split = int(np.where(wide, hidden, -1).argmax())
         return Verdict(s, split, low, high, used[np.argsort(slack, kind="stable")])
 
     @property
@@ -161,3 +162,29 @@ def cone(
     if alike and isinstance(blocks.plant, ParallelPlant):
         rows = np.vstack([rows, [1, 0, -1, 0]])
     return rows
+
+
+def robust_limits(
+    blocks: LoopBlocks, samples: Samples, signs: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Greatest k and k/tau_I of each controller with which the loop can be robustly stable.
+
+    Where |w_I| > 1 the uncertainty can open the other loops, and one row of a block must be
+    robustly stable by itself: |c + y|^2 >= u |c|^2 with y = 1/G of its own, a disc of c.
+    """
+    channels, _, first = blocks.layout
+    at = np.flatnonzero((samples.s.real == 0) & (samples.u > 1 + CLEARLY))
+    omega, u = samples.s[at].imag, samples.u[at]
+    limits = np.full(2 * signs.size, np.inf)
+    for row, channel in enumerate(channels):
+        own = samples.G[at, row, row - first[first <= row].max()]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            centre = signs[channel] / own / (u - 1)
+            radius = np.sqrt(u) * np.abs(centre)
+            k = centre.real + radius
+            m = omega * (radius - centre.imag)
+            margin = 1e-9 * radius
+            k,m = k+margin, m+omega*margin
+        for j, reach in ((2 * channel, k), (2 * channel + 1, m)):
+            limits[j] = min(limits[j], np.nanmin(reach, initial=np.inf))
+    return limits
