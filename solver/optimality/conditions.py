@@ -24,6 +24,7 @@ __all__ = ["Conditions", "Verdict", "cone", "robust_limits"]
 
 WIDE = 0.25
 CLEARLY = 1e-3
+KEPT = 30
 ROUNDS = 3  # cuts at the centre, then at the points that remained possible
 
 
@@ -99,48 +100,39 @@ class Conditions:
 
         """
         low, high = low.copy(), high.copy()
-        points, G, u = self.samples.s[used], self.samples.G[used], self.samples.u[used]
         weight = self.performance.max_peak, self.performance.offset
-        p = demands(self.target, points, *weight)
-        # Of |E Z - G v| at |c| = 1: |v| <= sqrt(u) |c Z|.
-        reach = self.samples.size[used] * (1 + np.sqrt(u))
+        v, s = np.sqrt(low * high), known
         y = np.zeros((used.size, self.blocks.n_scales))
-        slack = np.full(used.size, np.inf)
-        found: list[tuple[NDArray[np.float64], ...]] = []
-        v = np.sqrt(low * high)
-        s, cold, all_free = known, True, True
-        for turn in range(1, ROUNDS + 1):
+        cut: tuple[NDArray[np.float64], ...] = ()
+        cold, all_free = True, True
+        for _ in range(ROUNDS):
+            points, G, u = self.samples.s[used], self.samples.G[used], self.samples.u[used]
+            p = demands(self.target, points, *weight)
+            # Of |E Z - G v| at |c| = 1: |v| <= sqrt(u) |c Z|.
+            reach = self.samples.size[used] * (1 + np.sqrt(u))
             c = self.signs * (v[::2] + v[1::2] / points[:, None])
             first = COLD if cold else 10 * NU
             sweep(G, c, u, p, self.blocks.layout, all_free, first, NU, cold, y)
             cold = False
             made = cuts(c, G, u, p, self.blocks.layout, np.exp(y))
-            psi = np.ones((used.size, 1), dtype=complex)
-            for j in range(c.shape[1]):
-                psi = np.concatenate([psi, psi * c[:, j : j + 1]], axis=1)
-            value, norm = (
-                np.einsum("ki,kij,kj->k", psi.conj(), form, psi).real for form in made[:2]
+            cut = (
+                tuple(np.concatenate(parts, axis=1) for parts in zip(cut, made, strict=True))
+                if cut else made
             )
-            slack = np.minimum(slack, np.divide(value, p*norm, out=np.full(used.size, np.inf), where=norm > 0))
-            found.append(made)
-            if len(self.signs)==2: found.append(cuts(c, G, u, p, self.blocks.layout, np.exp(y), False))
-            cut = tuple(np.concatenate(parts) for parts in zip(*found, strict=True))
             middle, half = 0.5 * (low + high), 0.5 * (high - low)
-            excluded, s, e, hidden, room, w = narrow(
-                low, high, cut, np.tile(p, len(found)), np.tile(points, len(found)), np.tile(reach, len(found)),
-                self.signs, self.cone, weight, self.target, s,
+            excluded, s, e, gain, room = narrow(
+                low, high, cut, p, points, reach, self.signs,
+                self.cone, weight, self.target, s,
             )  # fmt: skip
             if excluded:
                 return Verdict(self.target, None, low, high, used)
-            # More cuts help only where it is not the curvature that lets the box pass.
-            if room < hidden.sum():
-                break
             v = np.clip(middle + half * e, low, high)
-        slack[np.flatnonzero(w) % used.size] = -1
-        ratio = np.log(high / low)
-        wide = ratio >= WIDE * ratio.max()
-        split = int(np.where(wide, hidden, -1).argmax())
-        return Verdict(s, split, low, high, used[np.argsort(slack, kind="stable")])
+            kept = np.argsort(room, kind="stable")[:KEPT]
+            used, y = used[kept], y[kept]
+            cut = tuple(part[kept] for part in cut)
+        wide = np.log(high / low)
+        gain[wide < WIDE * wide.max()] = -np.inf
+        return Verdict(s, int(gain.argmax()), low, high, used)
 
     @property
     def all_points(self) -> NDArray[np.int64]:

@@ -33,7 +33,7 @@ SHORT = 1.0 - 1e-12  # h and q stay shorter than 1 whatever the rounding
 
 
 @compiled
-def cuts(c, G, u, p, layout, x, follow=True):
+def cuts(c, G, u, p, layout, x):
     """Conditions p psi^H norm psi <= psi^H square psi, sharp near `c`.
 
     psi holds the products of the controllers: (1, c) or (1, c_1, c_2, c_1 c_2).
@@ -53,30 +53,34 @@ def cuts(c, G, u, p, layout, x, follow=True):
 
     Returns
     -------
-    square, norm : (k, size of psi, size of psi) complex
-        Hermitian, not negative; 0 where no condition was found.
-    size : (k, 1 + controllers)
+    square, norm : (k, ways, size of psi, size of psi) complex
+        Hermitian, not negative; 0 where no condition was found. Two ways with two controllers.
+    size : (k, ways, 1 + controllers)
         Bound |Z|: size_0 + sum_j size_j |c_j|.
 
     """
     count, controllers = c.shape
-    rows = G.shape[1]
-    products = 2**controllers
-    square_form = np.zeros((count, products, products), np.complex128)
-    norm = np.zeros((count, products, products), np.complex128)
-    size = np.zeros((count, 1 + controllers))
+    rows, ways, products = G.shape[1], controllers, 2**controllers
+    square_form = np.zeros((count, ways, products, products), np.complex128)
+    norm = np.zeros((count, ways, products, products), np.complex128)
+    size = np.zeros((count, ways, 1 + controllers))
     Z = np.empty((rows, 2), np.complex128)
     V = np.empty((rows, 2), np.complex128)
     Q = np.empty((rows, 2), np.complex128)
-    slope = np.zeros((rows, 2), np.complex128)
+    slope = np.empty((rows, 2), np.complex128)
     for k in range(count):
         if _directions(c[k], G[k], u[k], p[k], layout, x[k], Z, V) and _normalise(
             c[k], layout, Z, V, Q
         ):
             reach = math.sqrt(u[k]) * _part(c[k], G[k], math.sqrt(u[k]), layout, Z, V, Q)
-            if controllers == 2 and follow:
-                _follow(c[k], G[k], reach, layout, Z, V, Q, slope)
-            _expand(c[k], G[k], reach, layout, Z, V, Q, slope, square_form[k], norm[k], size[k])
+            for way in range(ways):
+                slope[:, :] = 0j
+                if way == 1:
+                    _follow(c[k], G[k], reach, layout, Z, V, Q, slope)
+                _expand(
+                    c[k], G[k], reach, layout, Z, V, Q, slope,
+                    square_form[k, way], norm[k, way], size[k, way],
+                )  # fmt: skip
     return square_form, norm, size
 
 
@@ -214,8 +218,7 @@ def _follow(c, G, reach, layout, Z, V, Q, slope):
     in place of G, and zeta = (I + G (I - rho) C)^-1 w for a fixed w. Its multiple by det(I + G (I -
     rho) C) is linear in the other row's controller alone. Other blocks follow the determinant.
     """
-    channels, scales, first = layout
-    slope[:, :] = 0j
+    channels, scales, _ = layout
     drive = np.zeros(scales.max() + 1, np.complex128)
     for r in range(channels.size):
         for j in range(2):

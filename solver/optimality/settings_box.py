@@ -50,17 +50,18 @@ def _demand(s, at, max_peak, offset):
 
 @compiled
 def narrow(low, high, cut, p, points, reach, signs, cone, weight, target, known):
-    """Exclude a box, or tell what is possible in it."""
-    m, count = low.size, points.size
+    m, ways = low.size, cut[0].shape[1]
+    count = points.size * ways
     a = np.empty((count + cone.shape[0], m))
     b = np.empty(count + cone.shape[0])
     share = np.empty(count)
     bends = np.empty((count + cone.shape[0], 3**m))
     _linearise(low, high, cut, p, points, reach, signs, cone, a, b, share, bends)
     w, e = least_weights(a, b)
-    hidden = np.zeros(m)
+    gain = np.zeros(m)
     total = np.zeros(3**m)
     size = 0.0
+    room = np.full(points.size, math.inf)
     for k in range(b.size):
         if w[k] > 0.0:
             largest = 0.0
@@ -70,36 +71,36 @@ def narrow(low, high, cut, p, points, reach, signs, cone, weight, target, known)
             size += w[k] * largest
     rest = total.max() + ROUNDING * size
     if rest < 0.0:
-        return True, target, e, hidden, 0.0, w[:count]
+        return True, target, e, gain, room
     s = _excluded_up_to(w, rest, p, points, share, weight, target, known)
-    _curvature(total, hidden)
-    room = math.inf
-    for k in range(b.size):
+    _gains(total, low, high, gain)
+    for k in range(count):
         value = b[k]
         for i in range(m):
             value += a[k, i] * e[i]
-        room = min(room, value)
+        room[k // ways] = min(room[k // ways], value)
     excluded = not _tighten(low, high, w, a, b)
-    return excluded, target if excluded else s, e, hidden, room, w[:count]
+    return excluded, target if excluded else s, e, gain, room
 
 
 @compiled
-def _curvature(total, hidden):
-    """What second differences in each variable add."""
-    m = hidden.size
+def _gains(total, low, high, gain):
+    """How much less the greatest coefficient is in the halves of each variable, on average."""
+    m = gain.size
+    most = total.max()
     for i in range(m):
         step = 3 ** (m - 1 - i)
+        t = 1.0 / (1.0 + math.sqrt(high[i] / low[i]))  # of the geometric middle
+        below, above = -math.inf, -math.inf
         for at in range(total.size):
-            if at // step % 3 != 0:
-                continue
-            hidden[i] += abs(total[at] - 2.0 * total[at + step] + total[at + 2 * step])
-            for j in range(m):
-                other = 3 ** (m - 1 - j)
-                if j != i and at // other % 3 == 0:
-                    hidden[i] += 0.75 * abs(
-                        total[at] - total[at + 2 * step] - total[at + 2 * other]
-                        + total[at + 2 * step + 2 * other]
-                    )
+            if at // step % 3 == 0:
+                first, second, third = total[at], total[at + step], total[at + 2 * step]
+                left = first + t * (second - first)
+                right = second + t * (third - second)
+                middle = left + t * (right - left)
+                below = max(below, first, left, middle)
+                above = max(above, middle, right, third)
+        gain[i] = most - 0.5 * (below + above)
 
 
 @compiled
@@ -156,32 +157,39 @@ def _middle(form, c):
 def _linearise(low, high, cut, p, points, reach, signs, cone, a, b, share, bends):
     """Fill in the linear conditions b + a e >= 0 over the box, relative to the demand."""
     square, norm, sizes = cut
-    m, count = low.size, points.size
+    m, ways = low.size, square.shape[1]
+    count = points.size * ways
     controllers = signs.size
     c = np.empty((controllers, 9), np.complex128)
     squares = np.empty((controllers, 9))
     lengths = np.empty(3**m)
-    for k in range(count):
-        size, length = 1.0, sizes[k, 0]
+    largest = np.empty(controllers)
+    for point in range(points.size):
+        size = 1.0
         for i in range(controllers):
-            _ends(low[2 * i:2 * i + 2], high[2 * i:2 * i + 2], points[k], signs[i], c[i], squares[i])
-            largest = high[2 * i] + high[2 * i + 1] / abs(points[k])
-            size += largest * reach[k]
-            length += sizes[k, 1 + i] * largest
-        if not length > 0.0:
-            bends[k] = NEVER
-            a[k] = 0.0
-            b[k] = NEVER
-            share[k] = 0.0
-            continue
-        _coefficients(square[k] - p[k] * norm[k], c, squares, bends[k])
-        _coefficients(norm[k], c, squares, lengths)
-        unit = p[k] * _middle(norm[k], c)
-        margin = MARGIN * (size * size + p[k]) * length * length
-        for i in range(lengths.size):
-            bends[k, i] = (bends[k, i] + margin) / unit
-        share[k] = max(lengths.min() * p[k] - margin, 0.0) / unit
-        b[k] = _slopes(bends[k], a[k])
+            own = slice(2 * i, 2 * i + 2)
+            _ends(low[own], high[own], points[point], signs[i], c[i], squares[i])
+            largest[i] = high[2 * i] + high[2 * i + 1] / abs(points[point])
+            size += largest[i] * reach[point]
+        for way in range(ways):
+            k = ways * point + way
+            length = sizes[point, way, 0]
+            for i in range(controllers):
+                length += sizes[point, way, 1 + i] * largest[i]
+            unit = p[point] * _middle(norm[point, way], c)
+            if not unit > 0.0:
+                bends[k] = NEVER
+                a[k] = 0.0
+                b[k] = NEVER
+                share[k] = 0.0
+                continue
+            _coefficients(square[point, way] - p[point] * norm[point, way], c, squares, bends[k])
+            _coefficients(norm[point, way], c, squares, lengths)
+            margin = MARGIN * (size * size + p[point]) * length * length
+            for i in range(lengths.size):
+                bends[k, i] = (bends[k, i] + margin) / unit
+            share[k] = max(lengths.min() * p[point] - margin, 0.0) / unit
+            b[k] = _slopes(bends[k], a[k])
     for row in range(cone.shape[0]):
         value, norms = 0.0, 0.0
         for i in range(m):
@@ -229,9 +237,10 @@ def _excluded_up_to(w, rest, p, points, share, weight, target, known):
     for turn in range(HALVINGS):
         middle = lowest if turn == 0 else 0.5 * (lowest + highest)
         value = rest
-        for k in range(points.size):
+        for k in range(share.size):
             if w[k] > 0.0:
-                more = _demand(middle, points[k], weight[0], weight[1]) / p[k]
+                point = k // (share.size // points.size)
+                more = _demand(middle, points[point], weight[0], weight[1]) / p[point]
                 value += w[k] * share[k] * (1.0 - more * (1.0 - ROUNDING))
         if value < 0.0:
             lowest = middle
