@@ -54,9 +54,8 @@ def narrow(low, high, cut, p, points, reach, signs, cone, weight, target, known)
     count = points.size * ways
     a = np.empty((count + cone.shape[0], m))
     b = np.empty(count + cone.shape[0])
-    share = np.empty(count)
     bends = np.empty((count + cone.shape[0], 3**m))
-    _linearise(low, high, cut, p, points, reach, signs, cone, a, b, share, bends)
+    _linearise(low, high, cut, p, points, reach, signs, cone, a, b, bends)
     w, e = least_weights(a, b)
     gain = np.zeros(m)
     total = np.zeros(3**m)
@@ -72,7 +71,14 @@ def narrow(low, high, cut, p, points, reach, signs, cone, weight, target, known)
     rest = total.max() + ROUNDING * size
     if rest < 0.0:
         return True, target, e, gain, room
-    s = _excluded_up_to(w, rest, p, points, share, weight, target, known)
+    share = np.zeros(count)
+    for k in range(count):
+        if w[k] > 0.0:
+            point, way = k // ways, k % ways
+            share[k] = w[k] * _least_length(
+                low, high, points[point], cut[1][point, way], cut[2][point, way], signs
+            )
+    s = _excluded_up_to(rest, p, points, share, weight, target, known)
     _gains(total, low, high, gain)
     for k in range(count):
         value = b[k]
@@ -154,7 +160,7 @@ def _middle(form, c):
 
 
 @compiled
-def _linearise(low, high, cut, p, points, reach, signs, cone, a, b, share, bends):
+def _linearise(low, high, cut, p, points, reach, signs, cone, a, b, bends):
     """Fill in the linear conditions b + a e >= 0 over the box, relative to the demand."""
     square, norm, sizes = cut
     m, ways = low.size, square.shape[1]
@@ -162,8 +168,9 @@ def _linearise(low, high, cut, p, points, reach, signs, cone, a, b, share, bends
     controllers = signs.size
     c = np.empty((controllers, 9), np.complex128)
     squares = np.empty((controllers, 9))
-    lengths = np.empty(3**m)
     largest = np.empty(controllers)
+    places = _places(m)
+    form = np.empty(square.shape[2:], np.complex128)
     for point in range(points.size):
         size = 1.0
         for i in range(controllers):
@@ -181,15 +188,15 @@ def _linearise(low, high, cut, p, points, reach, signs, cone, a, b, share, bends
                 bends[k] = NEVER
                 a[k] = 0.0
                 b[k] = NEVER
-                share[k] = 0.0
                 continue
-            _coefficients(square[point, way] - p[point] * norm[point, way], c, squares, bends[k])
-            _coefficients(norm[point, way], c, squares, lengths)
+            for i in range(form.shape[0]):
+                for j in range(form.shape[0]):
+                    form[i, j] = square[point, way, i, j] - p[point] * norm[point, way, i, j]
+            _coefficients(form, c, squares, bends[k])
             margin = MARGIN * (size * size + p[point]) * length * length
-            for i in range(lengths.size):
+            for i in range(bends.shape[1]):
                 bends[k, i] = (bends[k, i] + margin) / unit
-            share[k] = max(lengths.min() * p[point] - margin, 0.0) / unit
-            b[k] = _slopes(bends[k], a[k])
+            b[k] = _slopes(bends[k], places, a[k])
     for row in range(cone.shape[0]):
         value, norms = 0.0, 0.0
         for i in range(m):
@@ -201,47 +208,71 @@ def _linearise(low, high, cut, p, points, reach, signs, cone, a, b, share, bends
         b[k] = value / norms + MARGIN
         for at in range(bends.shape[1]):
             bends[k, at] = b[k]
-            rest = at
-            for i in range(m - 1, -1, -1):
-                bends[k, at] += a[k, i] * (rest % 3 - 1)
-                rest //= 3
+            for i in range(m):
+                bends[k, at] += a[k, i] * places[at, i]
 
 
 @compiled
-def _slopes(bends, slope):
-    """Mean slopes, and the most that the coefficients are above a linear function with them."""
-    m = slope.size
-    for i in range(m):
-        step = 3 ** (m - 1 - i)
-        total = 0.0
-        for at in range(bends.size):
-            total += bends[at] * (at // step % 3 - 1)
-        slope[i] = total / (2 * 3 ** (m - 1))
-    most = -math.inf
-    for at in range(bends.size):
-        value, rest = bends[at], at
+def _least_length(low, high, at, norm, sizes, signs):
+    """Lower bound of |Z|^2 over the box, relative to its value in the middle."""
+    c = np.empty((signs.size, 9), np.complex128)
+    squares = np.empty((signs.size, 9))
+    lengths = np.empty(9**signs.size)
+    length = sizes[0]
+    for i in range(signs.size):
+        own = slice(2 * i, 2 * i + 2)
+        _ends(low[own], high[own], at, signs[i], c[i], squares[i])
+        length += sizes[1 + i] * (high[2 * i] + high[2 * i + 1] / abs(at))
+    _coefficients(norm, c, squares, lengths)
+    return max(lengths.min() - MARGIN * length * length, 0.0) / _middle(norm, c)
+
+
+@compiled
+def _places(m):
+    """Place -1, 0, 1 in each variable of the Bernstein coefficients, (3^m, m)."""
+    places = np.empty((3**m, m))
+    for at in range(3**m):
+        rest = at
         for i in range(m - 1, -1, -1):
-            value -= slope[i] * (rest % 3 - 1)
+            places[at, i] = rest % 3 - 1
             rest //= 3
+    return places
+
+
+@compiled
+def _slopes(bends, places, slope):
+    """Mean slopes, and the most that the coefficients are above a linear function with them."""
+    size, m = places.shape
+    slope[:] = 0.0
+    for at in range(size):
+        for i in range(m):
+            slope[i] += bends[at] * places[at, i]
+    for i in range(m):
+        slope[i] /= 2 * 3 ** (m - 1)
+    most = -math.inf
+    for at in range(size):
+        value = bends[at]
+        for i in range(m):
+            value -= slope[i] * places[at, i]
         most = max(most, value)
     return most
 
 
 @compiled
-def _excluded_up_to(w, rest, p, points, share, weight, target, known):
+def _excluded_up_to(rest, p, points, share, weight, target, known):
     """Greatest s up to `target` that the weights exclude from the box, at least `known`.
 
-    Only the demand depends on s: what a condition lacks is w share (p(s)/p - 1) more.
+    Only the demand depends on s: what a condition lacks is share (p(s)/p - 1) more.
     """
     lowest, highest = max(known, LOWEST), target
     for turn in range(HALVINGS):
         middle = lowest if turn == 0 else 0.5 * (lowest + highest)
         value = rest
         for k in range(share.size):
-            if w[k] > 0.0:
+            if share[k] > 0.0:
                 point = k // (share.size // points.size)
                 more = _demand(middle, points[point], weight[0], weight[1]) / p[point]
-                value += w[k] * share[k] * (1.0 - more * (1.0 - ROUNDING))
+                value += share[k] * (1.0 - more * (1.0 - ROUNDING))
         if value < 0.0:
             lowest = middle
         elif turn == 0:
