@@ -85,7 +85,7 @@ def narrow(low, high, cut, p, points, reach, signs, cone, weight, target, known)
         for i in range(m):
             value += a[k, i] * e[i]
         room[k // ways] = min(room[k // ways], value)
-    excluded = not _tighten(low, high, w, a, b)
+    excluded = not _tighten(low, high, total, bends)
     return excluded, target if excluded else s, e, gain, room
 
 
@@ -283,33 +283,48 @@ def _excluded_up_to(rest, p, points, share, weight, target, known):
 
 
 @compiled
-def _tighten(low, high, w, a, b):
+def _tighten(low, high, total, bends):
     """Shrink the box to what each condition, and their weighted sum, leaves; False if nothing."""
-    count, m = a.shape
-    middle, half = 0.5 * (low + high), 0.5 * (high - low)
-    row = np.empty(m)
-    for k in range(count + 1):
-        base = size = 0.0
-        row[:] = 0.0
-        for other in range(k if k < count else 0, k + 1 if k < count else count):
-            share = 1.0 if k < count else w[other]
-            if share > 0.0:
-                base += share * b[other]
-                size += share * abs(b[other])
-                for i in range(m):
-                    row[i] += share * a[other, i]
-                    size += share * abs(a[other, i])
-        reach = base + ROUNDING * size
+    m = low.size
+    start, width = low.copy(), high - low
+    most = np.empty(3)
+    for k in range(bends.shape[0] + 1):
+        row = bends[k] if k < bends.shape[0] else total
+        size = 0.0
+        for at in range(row.size):
+            size = max(size, abs(row[at]))
         for i in range(m):
-            reach += abs(row[i])
-        for i in range(m):
-            # reach - |row_i| + row_i e_i >= 0
-            if reach < 2.0 * abs(row[i]):
-                edge = (abs(row[i]) - reach) / abs(row[i]) - ROUNDING
-                if row[i] > 0.0:
-                    low[i] = max(low[i], middle[i] + half[i] * edge - ROUNDING * high[i])
-                else:
-                    high[i] = min(high[i], middle[i] - half[i] * edge + ROUNDING * high[i])
-                if not low[i] <= high[i]:
-                    return False
+            step = 3 ** (m - 1 - i)
+            most[:] = -math.inf
+            for at in range(row.size):
+                place = at // step % 3
+                most[place] = max(most[place], row[at])
+            for place in range(3):
+                most[place] += ROUNDING * size
+            low[i] = max(low[i], start[i] + width[i] * _negative(most) - ROUNDING * high[i])
+            most[:] = most[::-1].copy()
+            left = 1.0 - _negative(most)
+            high[i] = min(high[i], start[i] + width[i] * left + ROUNDING * high[i])
+            if not low[i] <= high[i]:
+                return False
     return True
+
+
+@compiled
+def _negative(bends):
+    """A t for which the quadratic with these Bernstein coefficients is negative on [0, t]."""
+    first, second, third = bends[0], bends[1], bends[2]
+    if not first < 0.0:
+        return 0.0
+    if second < 0.0 and third < 0.0:
+        return 1.0
+    half = first - second
+    root = half * half - first * (first - 2.0 * second + third)
+    if not root >= 0.0:
+        return 0.0
+    t = (1.0 - ROUNDING) * first / (half - math.sqrt(root))
+    left = first + t * (second - first)
+    right = second + t * (third - second)
+    return t if 0.0 < t < 1.0 and left < 0.0 and left + t * (right - left) < 0.0 else 0.0
+
+
