@@ -18,7 +18,7 @@ from solver.certificate import Certificate, Claim
 from solver.errors import InvalidInputError
 from solver.frequencies import corners, grid, low_end, resonances
 from solver.margins import loop_margins
-from solver.mu.kernel import COLD, FINE
+from solver.mu.kernel import FINE
 from solver.mu.scaling import sweep
 from solver.mu.structure import BlockStructure, bound_of_scales
 from solver.mu.worst_case import worst_case
@@ -91,7 +91,6 @@ class LoopAnalysis:
             b,
             self.blocks.layout,
             all_free,
-            COLD,
             FINE,
             cold,
             y,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.blocks import reduce
-from solver.mu.kernel import COLD, FINE
+from solver.mu.kernel import FINE
 from solver.mu.scaling import sweep
 from solver.mu.structure import BlockStructure, bound_of_scales
 from solver.mu.worst_case import interconnection
@@ -201,7 +201,7 @@ class _Family:
         G: NDArray[np.complex128],
         c: NDArray[np.complex128],
         omega: NDArray[np.float64],
-        nu_end: float,
+        nu: float,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Level (k,) and D-scales (k, scales)."""
         u = self.uncertainty.magnitude(omega) ** 2
@@ -211,7 +211,5 @@ class _Family:
         y = np.zeros((omega.size, self.blocks.n_scales))
         scales_all = True
         starts_at_the_last = True
-        level, _, _ = sweep(
-            G, c, u, b, self.blocks.layout, scales_all, COLD, nu_end, starts_at_the_last, y
-        )
+        level, _, _ = sweep(G, c, u, b, self.blocks.layout, scales_all, nu, starts_at_the_last, y)
         return level, np.exp(0.5 * y)

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.controllers import Controller
-from solver.mu.kernel import COLD, FINE
+from solver.mu.kernel import FINE
 from solver.mu.workspace import TINY
 from solver.tuning.loop_levels import loop_levels, winds_as_stable
 from solver.tuning.specification import ControllerKind
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from solver.blocks import LoopBlocks
     from solver.weights import Performance, Uncertainty
 
-WARM = 1e-4  # first barrier parameter where a neighbour's scales are the start
 FORBIDDEN = -50.0  # stands for a level of minus infinity where a curve is refined
 FOLLOWING = (0.1, 0.01)  # half widths, in log omega, of the parabolas that follow a peak
 
@@ -307,6 +306,6 @@ class LoopObjective:
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.complex128]]:
         level, gradient, det = loop_levels(
             theta, self.signs, samples.omega, samples.G, samples.u, samples.b,
-            self.blocks.layout, not self.goal.skewed, COLD if cold else WARM, nu, cold, y,
+            self.blocks.layout, not self.goal.skewed, nu, cold, y,
         )  # fmt: skip
         return level, gradient, det
