@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.blocks import LoopBlocks, group_loops
-from solver.certificate import Certificate, Claim
 from solver.errors import InvalidInputError
 from solver.frequencies import corners, grid, low_end, resonances
 from solver.margins import loop_margins
@@ -32,6 +31,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
+    from solver.certificate import Certificate
     from solver.controllers import Controller
     from solver.plants import Plant
     from solver.weights import Performance, Uncertainty
@@ -227,8 +227,7 @@ def analyse(
     warnings = [worst.warning] if worst.warning else []
     if certificate:
         level = PROVEN_ABOVE * peaks.robust_performance.value
-        claim = Claim(plant, uncertainty, performance, tuple(loops), level)
-        proof, reasons = prove(claim)
+        proof, reasons = prove(plant, uncertainty, performance, loops, level)
         warnings += reasons
     return Robustness(
         nominally_stable=True,
