@@ -18,7 +18,7 @@ import httpx
 from pydantic import BaseModel, ValidationError
 
 from service.problems import MEDIA_TYPE, Problem
-from service.schemas import RobustnessRequest, RobustnessResult, TuningRequest, TuningResult
+from service.schemas import TuningRequest, TuningResult
 from service.schemas.batches import Batch
 from service.schemas.decouplings import DecouplingRequest, DecouplingResult
 from service.schemas.integrity import IntegrityRequest, IntegrityResult
@@ -26,6 +26,7 @@ from service.schemas.interaction import InteractionRequest, InteractionResult
 from service.schemas.jobs import Job, JobProgress
 from service.schemas.parallel_drives import ParallelDrivesRequest, ParallelDrivesResult
 from service.schemas.relay_experiments import RelayExperimentRequest, RelayExperimentResult
+from service.schemas.robustness import RobustnessRequest, RobustnessResult
 from service.schemas.step_responses import StepResponseRequest, StepResponseResult
 
 __all__ = ["BatchItem", "Client", "JobEndedError", "ServiceError", "ServiceUnreachableError"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from service.schemas.robustness import Peaks
+from service.schemas.peaks import Peaks
 from service.schemas.tunings import Optimality, TuningResult
 from solver.controllers import Controller
 from solver.errors import InvalidInputError

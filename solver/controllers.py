@@ -80,9 +80,7 @@ class Controller:
     def __call__(self, s: ArrayLike) -> NDArray[np.complex128] | complex:
         """Value at the complex points `s`, any shape, s != 0."""
         points: NDArray[np.complex128] = np.asarray(s, dtype=np.complex128)
-        value: NDArray[np.complex128] = self.gain * (
-            np.ones_like(points) + 1 / (self.integral_time * points)
-        )
+        value: NDArray[np.complex128] = self.gain + self.gain / (self.integral_time * points)
         if self.derivative_time is not None:
             lead = self.derivative_time * points
             value = value * (1 + lead) / (1 + DERIVATIVE_FILTER * lead)

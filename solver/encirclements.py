@@ -59,8 +59,7 @@ class Batch:
 
     def determinant(self, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
         """det(I + L) at `omega` (k,), (k, loops)."""
-        L = self.loop_gain(omega)
-        return np.asarray(np.linalg.det(np.eye(L.shape[-1]) + L))
+        return _determinant(self.loop_gain(omega))
 
 
 def count_unstable(batch: Batch) -> NDArray[np.int64]:
@@ -70,12 +69,12 @@ def count_unstable(batch: Batch) -> NDArray[np.int64]:
     infinity.
     """
     low, order, start = _low_end(batch)
-    high = _high_end(batch)
+    high, gain = _high_end(batch)
     extra = [batch.resonances, batch.bends]
     turned, lost = _turns(batch, grid(low, high, POINTS_PER_DECADE, extra))
     # From 0+ to the first point, and from the last one to infinity, by the known limits.
     turned += np.angle(np.where(start.real > 0, start, -start))
-    turned -= _last_turn(batch, high)
+    turned -= _last_turn(batch, gain)
     hidden = np.maximum(batch.integrators - order, 0)
     count = np.round(order / 2 - turned / math.pi + hidden).astype(int)
     return np.where(lost, np.maximum(count, 1), count)
@@ -98,30 +97,32 @@ def _low_end(
     return omega, order, rest
 
 
-def _high_end(batch: Batch) -> float:
-    """Return a frequency above which the loop gains stay small, or constant."""
+def _high_end(batch: Batch) -> tuple[float, NDArray[np.complex128]]:
+    """Return a frequency above which the loop gains stay small, or constant, and L there."""
     omega = 1e3 * float(batch.bends[-1])
     for _ in range(30):
-        if batch.biproper or _radius(batch, omega).max() < 0.1:
+        L = batch.loop_gain(np.array([omega]))[0]
+        # No eigenvalue exceeds the sum of a row.
+        if batch.biproper or np.abs(L).sum(axis=-1).max() < 0.1:
             break
         omega *= 10
-    return omega
+    return omega, L
 
 
-def _last_turn(batch: Batch, omega: float) -> NDArray[np.float64]:
-    """Return the argument at `omega` relative to its limit at infinity, (loops,)."""
-    point = np.array([omega])
+def _last_turn(batch: Batch, L: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Return the argument at the high end relative to its limit at infinity, (loops,)."""
+    eigenvalues = np.linalg.eigvals(L)
     # I + t L is regular for t in 0..1 where L is small, so each eigenvalue turns back to 1.
-    directly = np.angle(1 + np.linalg.eigvals(batch.loop_gain(point)[0])).sum(axis=-1)
-    value = batch.determinant(point)[0]
+    directly = np.angle(1 + eigenvalues).sum(axis=-1)
+    value = _determinant(L)
     to_real_axis = np.angle(np.where(value.real > 0, value, -value))
-    near = batch.dead_time | (_radius(batch, omega) < 0.5)
+    near = batch.dead_time | (np.abs(eigenvalues).max(axis=-1) < 0.5)
     return np.asarray(np.where(near, directly, to_real_axis))
 
 
-def _radius(batch: Batch, omega: float) -> NDArray[np.float64]:
-    L = batch.loop_gain(np.array([omega]))[0]
-    return np.asarray(np.abs(np.linalg.eigvals(L)).max(axis=-1))
+def _determinant(L: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """det(I + L) of each L (..., m, m)."""
+    return np.asarray(np.linalg.det(np.eye(L.shape[-1]) + L))
 
 
 def _turns(

@@ -204,9 +204,8 @@ def service_classes(
     omega = LoopAnalysis(
         *group_loops(plant, loops, uncertainty.structure), uncertainty, performance
     ).omega[::2]
-    robust_stability, robust_performance = (
-        iter(peaks(analysed, uncertainty, performance, omega, stability_only=only))
-        for only in (True, False)
+    robust_stability, robust_performance = map(
+        iter, peaks(analysed, uncertainty, performance, omega)
     )
     return tuple(
         ServiceClass(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,13 +10,14 @@ import numpy as np
 from solver.results import Peak
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
-__all__ = ["highest", "local_peaks", "zoom"]
+__all__ = ["highest", "local_peaks", "slices", "zoom"]
 
 SECTIONS = 32  # of a bracket; each round keeps two of them
+WITHIN = 0.1  # of the greatest value: lower maxima are not refined
 ROUNDS = 3  # 16^3 = 4,096: a smooth peak is then right to 1e-8 of its drop over the bracket
 
 
@@ -24,7 +26,7 @@ def local_peaks(
     omega: NDArray[np.float64],
     values: NDArray[np.float64],
     *,
-    within: float = 0.1,
+    within: float = WITHIN,
     rounds: int = ROUNDS,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Frequencies and values of the local maxima, refined by zooming in.
@@ -49,20 +51,27 @@ def local_peaks(
         Ascending in frequency. An end of the grid counts if the curve is highest there.
 
     """
-    padded = np.concatenate([[-np.inf], values, [-np.inf]])
-    top = (padded[1:-1] >= padded[:-2]) & (padded[1:-1] > padded[2:])
-    found = np.flatnonzero(top & (values >= values.max() - within))
-    last = omega.size - 1
-    low = np.log(omega[np.maximum(found - 1, 0)])
-    high = np.log(omega[np.minimum(found + 1, last)])
+    low, high, top, height = _brackets(omega, values, within)
     return zoom(
-        lambda points: curve(points.ravel()).reshape(points.shape),
-        low, high, omega[found], values[found], sections=SECTIONS, rounds=rounds,
+        lambda _, points: curve(points.ravel()).reshape(points.shape),
+        low, high, top, height, sections=SECTIONS, rounds=rounds,
     )  # fmt: skip
 
 
+def _brackets(
+    omega: NDArray[np.float64], values: NDArray[np.float64], within: float
+) -> tuple[NDArray[np.float64], ...]:
+    """Brackets (log low, log high) of the local maxima of a curve, and omega and value there."""
+    padded = np.concatenate([[-np.inf], values, [-np.inf]])
+    top = (padded[1:-1] >= padded[:-2]) & (padded[1:-1] > padded[2:])
+    found = np.flatnonzero(top & (values >= values.max() - within))
+    low = np.log(omega[np.maximum(found - 1, 0)])
+    high = np.log(omega[np.minimum(found + 1, omega.size - 1)])
+    return low, high, omega[found], values[found]
+
+
 def zoom(
-    curve: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    curve: Callable[[NDArray[np.intp], NDArray[np.float64]], NDArray[np.float64]],
     low: NDArray[np.float64],
     high: NDArray[np.float64],
     omega: NDArray[np.float64],
@@ -70,19 +79,22 @@ def zoom(
     *,
     sections: int,
     rounds: int,
+    rivals: NDArray[np.intp] | None = None,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Refine maxima inside their brackets; each round keeps two of a bracket's sections.
 
     Parameters
     ----------
     curve : callable
-        Values (r, q) at frequencies (r, q), a row for each maximum.
+        Values (s, q) of the maxima with the indices (s,), ascending, at frequencies (s, q).
     low, high : (r,)
         Brackets, log of rad per time unit.
     omega, values : (r,)
         The maxima so far.
     sections, rounds : int
         Sections that a bracket is cut into, and how often.
+    rivals : (r,) or None
+        Maxima with the same number compete: what cannot become the greatest is refined no more.
 
     Returns
     -------
@@ -91,25 +103,62 @@ def zoom(
 
     """
     fractions = np.arange(sections + 1) / sections
-    rows = np.arange(omega.size)
+    low, high, omega, values = low.copy(), high.copy(), omega.copy(), values.copy()
+    open_ = np.arange(omega.size)
     for _ in range(rounds):
-        points = low[:, None] + (high - low)[:, None] * fractions
-        here = curve(np.exp(points))
-        index = here.argmax(axis=1)
-        better = here[rows, index] > values
-        omega = np.where(better, np.exp(points[rows, index]), omega)
-        values = np.where(better, here[rows, index], values)
-        low = points[rows, np.maximum(index - 1, 0)]
-        high = points[rows, np.minimum(index + 1, sections)]
+        points = low[open_, None] + (high - low)[open_, None] * fractions
+        here = curve(open_, np.exp(points))
+        rows, index = np.arange(open_.size), here.argmax(axis=1)
+        better = here[rows, index] > values[open_]
+        omega[open_] = np.where(better, np.exp(points[rows, index]), omega[open_])
+        values[open_] = np.where(better, here[rows, index], values[open_])
+        left, right = np.maximum(index - 1, 0), np.minimum(index + 1, sections)
+        low[open_], high[open_] = points[rows, left], points[rows, right]
+        if rivals is not None:
+            # A curve that is concave around its peak rises over the next section by no more than
+            # over the last one.
+            rise = here[rows, index] - np.minimum(here[rows, left], here[rows, right])
+            greatest = np.full(rivals[-1] + 1, -np.inf)
+            np.maximum.at(greatest, rivals, values)
+            open_ = open_[values[open_] + rise >= greatest[rivals[open_]]]
     return omega, values
 
 
 def highest(
-    curve: Callable[[NDArray[np.float64]], NDArray[np.float64]],
-    omega: NDArray[np.float64],
-    values: NDArray[np.float64],
-) -> Peak:
-    """Return the greatest refined peak of a curve."""
-    where, heights = local_peaks(curve, omega, values)
-    index = int(heights.argmax())
-    return Peak(float(heights[index]), float(where[index]))
+    curves: Callable[[list[NDArray[np.float64]]], list[NDArray[np.float64]]],
+    grids: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]],
+) -> tuple[Peak, ...]:
+    """Return the greatest refined peak of each of several curves, zoomed into side by side.
+
+    Parameters
+    ----------
+    curves : callable
+        Values of each curve, (k_i,), at frequencies of its own, (k_i,).
+    grids : sequence of (k_i,), (k_i,)
+        Ascending frequencies for each curve, and the curve there.
+
+    """
+    brackets = [_brackets(omega, values, WITHIN) for omega, values in grids]
+    owner = np.repeat(np.arange(len(grids)), [bracket[0].size for bracket in brackets])
+
+    def side_by_side(rows: NDArray[np.intp], points: NDArray[np.float64]) -> NDArray[np.float64]:
+        ends = np.searchsorted(owner[rows], np.arange(1, len(grids)))
+        parts = [part.ravel() for part in np.split(points, ends)]
+        return np.concatenate(curves(parts)).reshape(points.shape)
+
+    where, heights = zoom(
+        side_by_side, *(np.concatenate(column) for column in zip(*brackets, strict=True)),
+        sections=SECTIONS, rounds=ROUNDS, rivals=owner,
+    )  # fmt: skip
+    peaks = []
+    for index in range(len(grids)):
+        mine = owner == index
+        best = int(heights[mine].argmax())
+        peaks.append(Peak(float(heights[mine][best]), float(where[mine][best])))
+    return tuple(peaks)
+
+
+def slices(arrays: Sequence[NDArray[np.float64]]) -> list[slice]:
+    """Return where each of the arrays (k_i,) is in their concatenation."""
+    ends = np.cumsum([0, *(array.size for array in arrays)]).tolist()
+    return [slice(first, end) for first, end in itertools.pairwise(ends)]

@@ -14,24 +14,24 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.blocks import LoopBlocks, group_loops
-from solver.certificate import Certificate, Claim
 from solver.errors import InvalidInputError
 from solver.frequencies import corners, grid, low_end, resonances
 from solver.margins import loop_margins
-from solver.mu.kernel import COLD, FINE
+from solver.mu.kernel import FINE
 from solver.mu.scaling import sweep
-from solver.mu.structure import BlockStructure, bound_of_scales
-from solver.mu.worst_case import worst_case
-from solver.peaks import highest
+from solver.mu.structure import BlockStructure, bound_of_scales, sigma_max
+from solver.mu.worst_case import interconnection, worst_case
+from solver.peaks import highest, slices
 from solver.proof import prove
 from solver.results import Curves, Peak, Peaks, Robustness
 from solver.stability import unstable_poles
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import ArrayLike, NDArray
 
+    from solver.certificate import Certificate
     from solver.controllers import Controller
     from solver.plants import Plant
     from solver.weights import Performance, Uncertainty
@@ -75,90 +75,111 @@ class LoopAnalysis:
         low = low_end(self.robust_performance, 1e-4 * lowest, LOWEST * lowest)
         return grid(low, 1e2 * bends.max(), POINTS_PER_DECADE, [resonances(plant), bends])
 
-    def scales(
-        self, omega: NDArray[np.float64], *, stability_only: bool = False
-    ) -> NDArray[np.float64]:
-        """Optimal D-scales d (k, scales) at `omega`, for robust performance or stability."""
-        c = self._controller_response(omega)
-        b = np.zeros_like(omega) if stability_only else self.performance.magnitude(omega) ** 2
-        y = np.zeros((omega.size, self.blocks.n_scales))
-        u = self.uncertainty.magnitude(omega) ** 2
-        all_free = cold = True  # compiled code takes no keywords
-        sweep(
-            self.blocks.packed(omega),
-            c,
-            u,
-            b,
-            self.blocks.layout,
-            all_free,
-            COLD,
-            FINE,
-            cold,
-            y,
-        )
-        return np.asarray(np.exp(0.5 * y))
+    def scales(self, omega: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Optimal D-scales d (k, scales) of robust performance at `omega`."""
+        return self._scales(self._at(omega), 1.0)
 
     def matrices(self, omega: NDArray[np.float64]) -> list[NDArray[np.complex128]]:
         """N_RP of each block, (k, 2 m, 2 m) complex: uncertain channels first."""
-        c = self._controller_response(omega)
-        w_I = self.uncertainty.magnitude(omega)[:, None, None]
-        w_P = self.performance.magnitude(omega)[:, None, None]
-        matrices = []
-        for block, G in zip(self.blocks.blocks, self.blocks.response(omega), strict=True):
-            c_block = c[:, list(block.channels)]
-            S = np.linalg.inv(np.eye(block.size) + G * c_block[:, None, :])
-            CS = c_block[:, :, None] * S
-            upper = np.concatenate([w_I * CS @ G, w_I * CS], axis=2)
-            lower = np.concatenate([w_P * S @ G, w_P * S], axis=2)
-            matrices.append(np.concatenate([upper, lower], axis=1))
-        return matrices
+        return self._at(omega).matrices
 
     def robust_performance(self, omega: NDArray[np.float64]) -> NDArray[np.float64]:
         """Upper bound of mu(N_RP) at `omega` (k,)."""
-        d = self.scales(omega)
-        bounds = [
-            bound_of_scales(N, *_own(d, block.scales, block.size)).mu
-            for block, N in zip(self.blocks.blocks, self.matrices(omega), strict=True)
-        ]
-        return np.asarray(np.max(bounds, axis=0))
+        return self._robust_performance(self._at(omega))
 
     def robust_stability(self, omega: NDArray[np.float64]) -> NDArray[np.float64]:
         """Upper bound of mu(w_I C S G) at `omega` (k,)."""
-        d = self.scales(omega, stability_only=True)
-        bounds = [
-            bound_of_scales(N[:, : block.size, : block.size], *_own(d, block.scales, 0)).mu
-            for block, N in zip(self.blocks.blocks, self.matrices(omega), strict=True)
-        ]
-        return np.asarray(np.max(bounds, axis=0))
+        return self._robust_stability(self._at(omega))
 
     def nominal_performance(self, omega: NDArray[np.float64]) -> NDArray[np.float64]:
         """sigma_max(w_P S) at `omega` (k,)."""
-        values = [
-            np.linalg.norm(N[:, block.size :, block.size :], 2, axis=(1, 2))
-            for block, N in zip(self.blocks.blocks, self.matrices(omega), strict=True)
-        ]
-        return np.asarray(np.max(values, axis=0))
+        return self._nominal_performance(self._at(omega))
 
     def curves(self, omega: NDArray[np.float64]) -> Curves:
-        """All three curves at `omega` (k,)."""
-        return Curves(
-            omega,
-            self.robust_performance(omega),
-            self.robust_stability(omega),
-            self.nominal_performance(omega),
-        )
+        """Robust performance, robust stability and nominal performance at `omega` (k,)."""
+        loop = self._at(omega)
+        return Curves(omega, *(curve(loop) for curve in self._curves))
 
     def peaks(self, curves: Curves) -> Peaks:
         """Peaks of the three curves, refined from those on a grid."""
-        omega = curves.omega
-        return Peaks(
-            highest(self.robust_performance, omega, curves.robust_performance),
-            highest(self.robust_stability, omega, curves.robust_stability),
-            highest(self.nominal_performance, omega, curves.nominal_performance),
-        )
 
-    def _controller_response(self, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
-        return np.stack([controller.response(omega) for controller in self.controllers], axis=-1)
+        def side_by_side(parts: list[NDArray[np.float64]]) -> list[NDArray[np.float64]]:
+            loop = self._at(np.concatenate(parts))
+            return [
+                curve(loop[part]) for curve, part in zip(self._curves, slices(parts), strict=True)
+            ]
+
+        on_grid = curves.robust_performance, curves.robust_stability, curves.nominal_performance
+        return Peaks(*highest(side_by_side, [(curves.omega, curve) for curve in on_grid]))
+
+    @property
+    def _curves(self) -> tuple[Callable[[_Loop], NDArray[np.float64]], ...]:
+        return self._robust_performance, self._robust_stability, self._nominal_performance
+
+    def _at(self, omega: NDArray[np.float64]) -> _Loop:
+        c = np.stack([controller.response(omega) for controller in self.controllers], axis=-1)
+        G = self.blocks.packed(omega)
+        w_I, w_P = (each.weight.response(omega) for each in (self.uncertainty, self.performance))
+        matrices = []
+        for block, first in zip(self.blocks.blocks, self.blocks.layout[2], strict=False):
+            plant = G[:, first : first + block.size, : block.size]
+            matrices.append(interconnection(plant, c[:, list(block.channels)], w_I, w_P))
+        return _Loop(G, c, np.abs(w_I) ** 2, np.abs(w_P) ** 2, matrices)
+
+    def _robust_performance(self, loop: _Loop) -> NDArray[np.float64]:
+        """Upper bound of mu(N_RP), (k,)."""
+        d = self._scales(loop, 1.0)
+        bounds = [
+            bound_of_scales(N, *_own(d, block.scales, block.size)).mu
+            for block, N in zip(self.blocks.blocks, loop.matrices, strict=True)
+        ]
+        return np.asarray(np.max(bounds, axis=0))
+
+    def _robust_stability(self, loop: _Loop) -> NDArray[np.float64]:
+        """Upper bound of mu(w_I C S G), (k,)."""
+        d = self._scales(loop, 0.0)
+        bounds = [
+            bound_of_scales(N[:, : block.size, : block.size], *_own(d, block.scales, 0)).mu
+            for block, N in zip(self.blocks.blocks, loop.matrices, strict=True)
+        ]
+        return np.asarray(np.max(bounds, axis=0))
+
+    def _nominal_performance(self, loop: _Loop) -> NDArray[np.float64]:
+        """sigma_max(w_P S), (k,)."""
+        values = [
+            sigma_max(N[:, block.size :, block.size :])
+            for block, N in zip(self.blocks.blocks, loop.matrices, strict=True)
+        ]
+        return np.asarray(np.max(values, axis=0))
+
+    def _scales(self, loop: _Loop, performance: float) -> NDArray[np.float64]:
+        """Optimal D-scales (k, scales); `performance` 0 is robust stability alone."""
+        y = np.zeros((len(loop.c), self.blocks.n_scales))
+        all_free = cold = True  # compiled code takes no keywords
+        sweep(
+            loop.G, loop.c, loop.u, performance * loop.b, self.blocks.layout,
+            all_free, FINE, cold, y,
+        )  # fmt: skip
+        return np.asarray(np.exp(0.5 * y))
+
+
+@dataclass(frozen=True)
+class _Loop:
+    """A loop at k frequencies.
+
+    `G`, `c`, `u`, `b`: as `solver.mu.scaling.sweep` takes them; `matrices`: N_RP of each block.
+    """
+
+    G: NDArray[np.complex128]
+    c: NDArray[np.complex128]
+    u: NDArray[np.float64]
+    b: NDArray[np.float64]
+    matrices: list[NDArray[np.complex128]]
+
+    def __getitem__(self, part: slice) -> _Loop:
+        return _Loop(
+            self.G[part], self.c[part], self.u[part], self.b[part], [N[part] for N in self.matrices]
+        )
 
 
 def analyse(
@@ -213,7 +234,7 @@ def analyse(
             unstable_poles=unstable,
             peaks=None,
             curves=None,
-            margins=loop_margins(plant, loops),
+            margins=loop_margins(plant, loops, stable=False),
             warnings=("the closed loop is unstable: mu has no meaning for it",),
         )
     analysis = LoopAnalysis(blocks, controllers, uncertainty, performance)
@@ -227,8 +248,7 @@ def analyse(
     warnings = [worst.warning] if worst.warning else []
     if certificate:
         level = PROVEN_ABOVE * peaks.robust_performance.value
-        claim = Claim(plant, uncertainty, performance, tuple(loops), level)
-        proof, reasons = prove(claim)
+        proof, reasons = prove(plant, uncertainty, performance, loops, level)
         warnings += reasons
     return Robustness(
         nominally_stable=True,
@@ -238,7 +258,7 @@ def analyse(
         lower_bound=Peak(worst.mu, worst.omega),
         worst_case=worst,
         uncertainty_scaling=1 / peaks.robust_stability.value,
-        margins=loop_margins(plant, loops),
+        margins=loop_margins(plant, loops, stable=True),
         certificate=proof,
         warnings=tuple(warnings),
     )

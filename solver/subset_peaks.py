@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from solver.blocks import reduce
-from solver.mu.kernel import COLD, FINE
+from solver.mu.kernel import FINE
 from solver.mu.scaling import sweep
 from solver.mu.structure import BlockStructure, bound_of_scales
 from solver.mu.worst_case import interconnection
@@ -39,10 +38,8 @@ def peaks(
     uncertainty: Uncertainty,
     performance: Performance,
     omega: NDArray[np.float64],
-    *,
-    stability_only: bool,
-) -> tuple[Peak, ...]:
-    """Return the refined peak of mu of each subset, all nominally stable.
+) -> tuple[list[Peak], list[Peak]]:
+    """Return the refined peaks of mu of each subset, all nominally stable.
 
     Parameters
     ----------
@@ -52,33 +49,35 @@ def peaks(
         The weights.
     omega : (k,) rad per time unit
         Ascending grid that resolves all of them.
-    stability_only : bool
-        Peaks of robust stability instead of robust performance.
 
     Returns
     -------
-    tuple of Peak
+    stability, performance : list of Peak
         Upper bounds, from the D-scales at the frequency found.
 
     """
-    where, values = np.empty((2, len(subsets.counts)))
+    where, values = np.empty((2, 2, len(subsets.counts)))
     for members in _families(subsets):
-        family = _Family.of(
-            subsets, members, uncertainty, performance, stability_only=stability_only
-        )
-        step = max(MAX_ENTRIES // (omega.size * 4 * family.channels.shape[1] ** 2), 1)
+        family = _Family.of(subsets, members, uncertainty, performance)
+        step = max(MAX_ENTRIES // (omega.size * 8 * family.channels.shape[1] ** 2), 1)
         for first in range(0, members.size, step):
             rows = np.arange(first, min(first + step, members.size))
             found = family.peak_frequencies(rows, omega)
-            where[members[rows]] = found
-            values[members[rows]] = family.bounds(rows, found)
-    return tuple(Peak(float(value), float(at)) for value, at in zip(values, where, strict=True))
+            where[:, members[rows]] = found
+            values[:, members[rows]] = family.bounds(rows, found)
+    stability, robust = (
+        [Peak(*peak) for peak in zip(*both, strict=True)]
+        for both in zip(values.tolist(), where.tolist(), strict=True)
+    )
+    return stability, robust
 
 
 def _families(subsets: Subsets) -> list[NDArray[np.intp]]:
     """Return the indices of subsets whose loops fall into blocks of equal layout."""
     if isinstance(subsets.plant, ParallelPlant):
         keys = np.minimum(subsets.counts, 2)
+        used_first = np.argsort(keys == 0, axis=1, kind="stable")
+        keys = np.take_along_axis(keys, used_first, axis=1)
     else:
         keys = subsets.counts.sum(axis=1, keepdims=True)
     _, family = np.unique(keys, axis=0, return_inverse=True)
@@ -99,7 +98,6 @@ class _Family:
     blocks: LoopBlocks
     uncertainty: Uncertainty
     performance: Performance
-    stability_only: bool
 
     @classmethod
     def of(
@@ -108,8 +106,6 @@ class _Family:
         members: NDArray[np.intp],
         uncertainty: Uncertainty,
         performance: Performance,
-        *,
-        stability_only: bool,
     ) -> _Family:
         """Return the family of the subsets `members`."""
         counts = subsets.counts[members]
@@ -130,13 +126,17 @@ class _Family:
             groups = [range(row, row + 1) for row in range(len(units))]
             sample = MatrixPlant([[plant.element(row, col) for col in units] for row in units])
         blocks = reduce(sample, groups, uncertainty.structure)
-        return cls(subsets, channels, counts, blocks, uncertainty, performance, stability_only)
+        return cls(subsets, channels, counts, blocks, uncertainty, performance)
 
     def peak_frequencies(
         self, members: NDArray[np.intp], omega: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """Frequency of each member's greatest mu, by zooming in on its local maxima."""
-        values = self._levels(members, np.tile(omega, (members.size, 1)))
+        """Frequencies (2, members) of the greatest mu of stability and of performance.
+
+        Found by zooming in on local maxima.
+        """
+        tasks = np.arange(2 * members.size)
+        values = self._levels(members, tasks, np.tile(omega, (tasks.size, 1)))
         padded = np.pad(values, ((0, 0), (1, 1)), constant_values=-np.inf)
         top = (values >= padded[:, :-2]) & (values > padded[:, 2:])
         near = values >= (1 - WITHIN) * values.max(axis=1, keepdims=True)
@@ -144,48 +144,62 @@ class _Family:
         low = np.log(omega[np.maximum(found - 1, 0)])
         high = np.log(omega[np.minimum(found + 1, omega.size - 1)])
         best, best_value = zoom(
-            partial(self._levels, members[owner]),
-            low, high, omega[found], values[owner, found], sections=SECTIONS, rounds=ROUNDS,
+            lambda rows, points: self._levels(members, owner[rows], points),
+            low, high, omega[found], values[owner, found],
+            sections=SECTIONS, rounds=ROUNDS, rivals=owner,
         )  # fmt: skip
         order = np.argsort(best_value, kind="stable")  # the last one written is the greatest
-        frequencies = np.empty(members.size)
+        frequencies = np.empty(tasks.size)
         frequencies[owner[order]] = best[order]
-        return frequencies
+        return frequencies.reshape(2, -1)
 
     def bounds(self, members: NDArray[np.intp], omega: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Upper bound of mu of each member at its own `omega` (members,), from its D-scales."""
-        G, c = self._responses(members, omega)
-        _, d = self._sweep(G, c, omega, FINE)
-        w_I = self.uncertainty.weight.response(omega)
-        w_P = self.performance.weight.response(omega)
-        greatest = np.zeros(omega.size)
+        """Upper bounds of mu of each member at its own `omega` (2, members), from D-scales."""
+        size = members.size
+        loops = self._at(np.tile(members, 2), omega.ravel(), size)
+        _, d = self._sweep(loops, FINE)
+        greatest = np.zeros((2, size))
         for block, first in zip(self.blocks.blocks, self.blocks.layout[2], strict=False):
-            size = block.size
-            plant = G[:, first : first + size, :size]
-            N = interconnection(plant, c[:, list(block.channels)], w_I, w_P)
+            m = block.size
+            plant = loops.G[:, first : first + m, :m]
+            N = interconnection(
+                plant, loops.c[:, list(block.channels)], loops.uncertainty, loops.performance
+            )
             used = sorted(set(block.scales))
             scales = tuple(used.index(scale) for scale in block.scales)
-            structure = BlockStructure(scales, size)
-            if self.stability_only:
-                N, structure = N[:, :size, :size], BlockStructure(scales, 0)
-            greatest = np.maximum(greatest, bound_of_scales(N, d[:, used], structure).mu)
+            own = d[:, used]
+            here = (
+                bound_of_scales(N[:size, :m, :m], own[:size], BlockStructure(scales, 0)).mu,
+                bound_of_scales(N[size:], own[size:], BlockStructure(scales, m)).mu,
+            )
+            greatest = np.maximum(greatest, here)
         return greatest
 
-    def _levels(self, members: NDArray[np.intp], omega: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return mu of the `members` (r,) at `omega` (r, q), as the kernel's level says it.
+    def _levels(
+        self, members: NDArray[np.intp], tasks: NDArray[np.intp], omega: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return mu at `omega` (r, q), as the kernel's level says it.
 
-        The rows go to the kernel one frequency after the other: it starts each solve at the
-        scales of the last, and neighbouring subsets differ less than the ends of a grid.
+        The `tasks` (r,), ascending, are numbered from 0: stability of each of the `members`, then
+        performance of each. The rows of each go to the kernel one frequency after the other: it
+        starts each solve at the scales of the last, and neighbouring subsets differ less than the
+        ends of a grid.
         """
-        by_frequency = omega.T.ravel()
-        G, c = self._responses(np.tile(members, omega.shape[1]), by_frequency)
-        level, _ = self._sweep(G, c, by_frequency, COARSE)
-        return np.exp(-0.5 * level).reshape(omega.T.shape).T
+        split = int(np.searchsorted(tasks, members.size))
+        both = slice(split), slice(split, None)
+        loops = self._at(
+            np.concatenate(
+                [np.tile(members[tasks[p] % members.size], omega.shape[1]) for p in both]
+            ),
+            np.concatenate([omega[part].T.ravel() for part in both]),
+            split * omega.shape[1],
+        )
+        mu = np.exp(-0.5 * self._sweep(loops, COARSE)[0])
+        ends = mu[: loops.split], mu[loops.split :]
+        return np.concatenate([part.reshape(omega.shape[1], -1).T for part in ends])
 
-    def _responses(
-        self, members: NDArray[np.intp], omega: NDArray[np.float64]
-    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-        """Plants as `LoopBlocks.packed` has them, and controllers (r, m), a row a member."""
+    def _at(self, members: NDArray[np.intp], omega: NDArray[np.float64], split: int) -> _Loops:
+        """Return the loops of the `members` (k,), each at its own `omega` (k,)."""
         channels, counts = self.channels[members], self.counts[members]
         c = np.take_along_axis(self.subsets.controller_response(omega), channels, axis=1)
         means = self.subsets.plant_response(omega, channels, counts)
@@ -194,24 +208,36 @@ class _Family:
         G[:, :size] = means
         if rows > size:
             G[:, size:, 0] = self.subsets.modes(omega)[0][:, None]
-        return G, c
+        w_I, w_P = (each.weight.response(omega) for each in (self.uncertainty, self.performance))
+        return _Loops(G, c, w_I, w_P, split)
 
-    def _sweep(
-        self,
-        G: NDArray[np.complex128],
-        c: NDArray[np.complex128],
-        omega: NDArray[np.float64],
-        nu_end: float,
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _sweep(self, loops: _Loops, nu: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Level (k,) and D-scales (k, scales)."""
-        u = self.uncertainty.magnitude(omega) ** 2
-        b = np.zeros_like(omega)
-        if not self.stability_only:
-            b = self.performance.magnitude(omega) ** 2
-        y = np.zeros((omega.size, self.blocks.n_scales))
+        u, b = np.abs(loops.uncertainty) ** 2, np.abs(loops.performance) ** 2
+        b[: loops.split] = 0.0
+        y = np.zeros((u.size, self.blocks.n_scales))
         scales_all = True
         starts_at_the_last = True
-        level, _, _ = sweep(
-            G, c, u, b, self.blocks.layout, scales_all, COLD, nu_end, starts_at_the_last, y
-        )
-        return level, np.exp(0.5 * y)
+        level = [
+            sweep(
+                loops.G[part], loops.c[part], u[part], b[part], self.blocks.layout,
+                scales_all, nu, starts_at_the_last, y[part],
+            )[0]
+            for part in (slice(loops.split), slice(loops.split, None))
+        ]  # fmt: skip
+        return np.concatenate(level), np.exp(0.5 * y)
+
+
+@dataclass(frozen=True)
+class _Loops:
+    """Loops of a family, k rows.
+
+    `G` as `LoopBlocks.packed` has it, controllers `c` (k, m), responses of the weights (k,). The
+    first `split` rows are asked for robust stability, the others for robust performance.
+    """
+
+    G: NDArray[np.complex128]
+    c: NDArray[np.complex128]
+    uncertainty: NDArray[np.complex128]
+    performance: NDArray[np.complex128]
+    split: int

@@ -24,6 +24,7 @@ LARGEST = 1e12
 SMALLEST = 1e-150
 MAX_ORDER = 20
 HARDLY_ZERO = 1e-77
+LARGEST_POWER = 250  # of ten
 
 
 @dataclass(frozen=True)
@@ -117,19 +118,24 @@ class TransferFunction:
     def __call__(self, s: ArrayLike) -> NDArray[np.complex128] | complex:
         """Value at the complex points `s` (any shape)."""
         points = np.asarray(s, dtype=complex)
-        # Horner's rule in s where |s| <= 1, in 1/s elsewhere, so that no power of s overflows:
-        # as forms in (a, b) = (s, 1) or (1, 1/s).
-        far = np.abs(points) > 1
-        b = np.asarray(1 / np.where(far, points, 1.0), dtype=complex)
-        a = points * b  # 1 where s is far
-        den = _form(self.den, a, b)
-        # A pole reads as huge instead of dividing by zero.
-        value = _form(self.num, a, b) / np.where(den == 0, HARDLY_ZERO, den)
-        if self.relative_degree:
-            value = value * b**self.relative_degree
+        far = np.abs(points) > self._reach
+        if np.count_nonzero(far):  # there in 1/s, so that no power of s overflows
+            inverse: NDArray[np.complex128] = np.reciprocal(np.where(far, points, 1))
+            value = np.where(
+                far,
+                _quotient(self.num[::-1], self.den[::-1], inverse) * inverse**self.relative_degree,
+                _quotient(self.num, self.den, np.where(far, 1, points)),
+            )
+        else:
+            value = _quotient(self.num, self.den, points)
         if self.dead_time:
             value = value * np.exp(-self.dead_time * points)
         return complex(value) if value.ndim == 0 else value
+
+    @cached_property
+    def _reach(self) -> float:
+        """Largest |s| whose powers fit a double with room for the coefficients."""
+        return math.pow(10, LARGEST_POWER / max(len(self.den) - 1, 1))
 
     def response(self, omega: ArrayLike) -> NDArray[np.complex128]:
         """Frequency response at `omega` (rad per time unit), (k,) complex."""
@@ -209,12 +215,22 @@ def _trailing_zeros(values: tuple[float, ...]) -> int:
     return count
 
 
-def _form(
-    coefficients: tuple[float, ...], a: NDArray[np.complex128], b: NDArray[np.complex128]
+def _quotient(
+    num: tuple[float, ...], den: tuple[float, ...], s: NDArray[np.complex128]
 ) -> NDArray[np.complex128]:
-    """Sum of c_i a^(n-i) b^i."""
-    value, power = np.full_like(a, coefficients[0]), b
-    for coefficient in coefficients[1:]:
-        value = value * a + coefficient * power
-        power = power * b
+    """num(s)/den(s) by Horner's rule; a pole reads as huge instead of dividing by zero."""
+    below = _polynomial_at(den, s)
+    if np.count_nonzero(below) < below.size:
+        below = np.where(below == 0, HARDLY_ZERO, below)
+    return np.asarray((_polynomial_at(num, s) if len(num) > 1 else num[0]) / below)
+
+
+def _polynomial_at(
+    coefficients: tuple[float, ...], s: NDArray[np.complex128]
+) -> NDArray[np.complex128]:
+    if len(coefficients) == 1:
+        return np.full_like(s, coefficients[0])
+    value = coefficients[0] * s + coefficients[1]
+    for coefficient in coefficients[2:]:
+        value = value * s + coefficient
     return value

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -124,7 +125,7 @@ class Performance:
         """Return the same demand at the time constant `tau_p`."""
         return replace(self, tau_p=tau_p)
 
-    @property
+    @cached_property
     def weight(self) -> TransferFunction:
         """w_P(s). Needs `tau_p`."""
         if self.tau_p is None:

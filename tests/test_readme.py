@@ -13,9 +13,10 @@ from touring import ROOT
 
 from service.cli import app
 from service.client import Client
-from service.schemas import RobustnessRequest, TuningRequest, TuningResult
+from service.schemas import TuningRequest, TuningResult
 from service.schemas.controllers import ControllerChoice
 from service.schemas.parsing import parse
+from service.schemas.robustness import RobustnessRequest
 from service.schemas.tunings import Search
 
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])

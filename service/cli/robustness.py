@@ -8,7 +8,7 @@ from service.cli.analysis import answer
 from service.cli.outcomes import ExitCode, reported
 from service.cli.tables import robustness_table
 from service.computing import robustness
-from service.schemas import RobustnessRequest, RobustnessResult
+from service.schemas.robustness import RobustnessRequest, RobustnessResult
 
 __all__ = ["analyse_file"]
 

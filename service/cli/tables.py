@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from service.schemas import RobustnessResult, TuningResult
-from service.schemas.margins import LoopMargins
-from service.schemas.robustness import Peaks
+from service.schemas import TuningResult
+from service.schemas.peaks import Peaks
 from service.schemas.tunings import SearchSummary
 from service.wording import forms, number, optimality_text, units_text
 from solver.controllers import Controller
+
+if TYPE_CHECKING:  # a tuning need not wait for them
+    from service.schemas.margins import LoopMargins
+    from service.schemas.robustness import RobustnessResult
 
 __all__ = ["robustness_table", "side_by_side", "tuning_table"]
 

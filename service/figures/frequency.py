@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from service.figures.panels import Panels
 from service.figures.style import IDENTICAL, NEUTRAL, THIN, frequency_title, line, log_axis
 from service.schemas.drawn import DrawnCurves
-from service.schemas.robustness import Curves, Peak, Peaks
+from service.schemas.peaks import Curves, Peak, Peaks
 from service.tuned import Tuned
 from service.wording import TIME_UNIT, number
 from solver.blocks import group_loops

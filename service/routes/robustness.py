@@ -7,7 +7,7 @@ from fastapi import APIRouter, Request, Response
 from service import computing
 from service.bodies import described_body
 from service.routes.common import BODY_PROBLEMS, analysis, described, problems
-from service.schemas import RobustnessRequest, RobustnessResult
+from service.schemas.robustness import RobustnessRequest, RobustnessResult
 
 __all__ = ["router"]
 

@@ -7,25 +7,15 @@ from service.schemas.parsing import (
     parse,
     parse_tuning_request,
 )
-from service.schemas.robustness import (
-    RobustnessRequest,
-    RobustnessResult,
-    RobustnessTask,
-    robustness_to_json,
-)
 from service.schemas.tunings import TuningRequest, TuningResult, tuning_to_json
 
 __all__ = [
     "Fault",
     "RequestError",
-    "RobustnessRequest",
-    "RobustnessResult",
-    "RobustnessTask",
     "TuningRequest",
     "TuningResult",
     "canonical",
     "parse",
     "parse_tuning_request",
-    "robustness_to_json",
     "tuning_to_json",
 ]

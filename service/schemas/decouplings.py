@@ -11,8 +11,8 @@ from service.schemas.drawn import Complex
 from service.schemas.encoding import encode
 from service.schemas.fields import RequestModel, below
 from service.schemas.frequencies import Frequencies, ascending
+from service.schemas.peaks import Peak
 from service.schemas.plants import Plant
-from service.schemas.robustness import Peak
 from solver.interaction.decoupling import Decoupling, DecouplingSpecification
 from solver.interaction.loop_shape import RobustnessLimits
 from solver.plants import MAX_MATRIX_SIZE

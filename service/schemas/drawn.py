@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from service.schemas.complex import Complex
 from service.schemas.encoding import encode
 from service.schemas.fields import Frequency
-from service.schemas.robustness import Curves, Peak, Peaks
+from service.schemas.peaks import Curves, Peak, Peaks
 
 __all__ = [
     "Complex",

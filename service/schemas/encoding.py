@@ -10,8 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from solver.certificate import Certificate
-
 __all__ = ["encode"]
 
 
@@ -46,8 +44,8 @@ def encode(value: Any) -> Any:  # noqa: ANN401, C901, PLR0911 - one case for eac
             return {str(key): encode(item) for key, item in value.items()}
         case list() | tuple():
             return [encode(item) for item in value]
-    if isinstance(value, Certificate):
-        # Its document has a digest and a format of its own.
+    if hasattr(value, "to_document"):
+        # A certificate: its document has a digest and a format of its own.
         return value.to_document()
     if dataclasses.is_dataclass(value):
         return {

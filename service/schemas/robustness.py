@@ -15,7 +15,7 @@ from service.schemas.encoding import encode
 from service.schemas.fields import Frequency, ResultModel
 from service.schemas.given_loops import EXAMPLE, GivenLoops
 from service.schemas.margins import LoopMargins
-from service.schemas.peaks import Peak
+from service.schemas.peaks import Curves, Peak, Peaks
 from service.schemas.worst_case import WorstCase
 from solver.controllers import Controller
 from solver.errors import InvalidInputError
@@ -90,40 +90,6 @@ class RobustnessRequest(GivenLoops):
 
 
 _PEAK = {"value": 1.0, "omega": 0.0314}
-
-
-class Peaks(ResultModel):
-    """Peaks of the three mu curves, refined between grid points."""
-
-    robust_performance: Peak = Field(
-        description="Performance for every plant in the set: wanted at most 1.", examples=[_PEAK]
-    )
-    robust_stability: Peak = Field(
-        description="Stability for every plant in the set: needed at most 1.", examples=[_PEAK]
-    )
-    nominal_performance: Peak = Field(
-        description="Performance of the nominal plant.", examples=[_PEAK]
-    )
-
-
-Values = list[float | None]
-
-
-class Curves(ResultModel):
-    """Upper bounds of mu over frequency."""
-
-    omega: list[float] = Field(
-        description="Frequencies, rad per time unit, ascending.", examples=[[0.01, 0.1]]
-    )
-    robust_performance: Values = Field(
-        description="Bound for robust performance.", examples=[[0.8, 0.9]]
-    )
-    robust_stability: Values = Field(
-        description="Bound for robust stability.", examples=[[0.2, 0.3]]
-    )
-    nominal_performance: Values = Field(
-        description="Largest singular value of w_P S.", examples=[[0.5, 0.6]]
-    )
 
 
 class RobustnessResult(ResultModel):

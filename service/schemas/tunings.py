@@ -10,8 +10,8 @@ from pydantic import ConfigDict, Field, JsonValue
 from service.schemas.controllers import ControllerChoice, Loop
 from service.schemas.encoding import encode
 from service.schemas.fields import RequestModel, ResultModel, below
+from service.schemas.peaks import Curves, Peaks
 from service.schemas.plants import Plant
-from service.schemas.robustness import Curves, Peaks
 from service.schemas.weights import Performance, Uncertainty
 from solver.results import LocalOptimum, Tuning
 from solver.tuning.specification import (

@@ -12,7 +12,7 @@ from solver.errors import InvalidInputError
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["BlockStructure", "Bound", "bound_of_scales"]
+__all__ = ["BlockStructure", "Bound", "bound_of_scales", "sigma_max"]
 
 
 @dataclass(frozen=True)
@@ -88,5 +88,16 @@ def bound_of_scales(
     """Upper bound of mu that the scales d (k, n_scales) prove for N (k, p, p)."""
     D = structure.diagonal(d)
     scaled = D[:, :, None] * N / D[:, None, :]
-    mu = np.asarray(np.linalg.svd(scaled, compute_uv=False)[:, 0], dtype=np.float64)
-    return Bound(mu, d)
+    return Bound(sigma_max(scaled), d)
+
+
+def sigma_max(matrices: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Largest singular value of each matrix (k, p, p), right to rounding, (k,).
+
+    From the eigenvalues of M^H M, in half the time of a decomposition: only small singular values
+    lose digits by it.
+    """
+    size = np.abs(matrices).max(axis=(1, 2), keepdims=True)
+    unit = matrices / np.where(size > 0, size, 1)  # no square of an entry can overflow
+    square = np.linalg.eigvalsh(unit.conj().swapaxes(1, 2) @ unit)[:, -1]
+    return np.asarray(size[:, 0, 0] * np.sqrt(np.maximum(square, 0)))

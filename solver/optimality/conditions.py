@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solver.mu.kernel import COLD
 from solver.mu.scaling import sweep
 from solver.optimality.cuts import NU, cuts
 from solver.optimality.settings_box import demands, narrow
@@ -111,8 +110,7 @@ class Conditions:
             # Of |E Z - G v| at |c| = 1: |v| <= sqrt(u) |c Z|.
             reach = self.samples.size[used] * (1 + np.sqrt(u))
             c = self.signs * (v[::2] + v[1::2] / points[:, None])
-            first = COLD if cold else 10 * NU
-            sweep(G, c, u, p, self.blocks.layout, all_free, first, NU, cold, y)
+            sweep(G, c, u, p, self.blocks.layout, all_free, NU, cold, y)
             cold = False
             made = cuts(c, G, u, p, self.blocks.layout, np.exp(y))
             cut = (

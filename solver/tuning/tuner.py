@@ -8,10 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solver.certificate import Certificate, Claim
 from solver.errors import InvalidInputError
 from solver.integrity import in_one_line
-from solver.optimality import LowerBound, Optimality
 from solver.plants import ParallelPlant
 from solver.proof import prove
 from solver.results import (
@@ -34,8 +32,11 @@ from solver.tuning.specification import Arrangement, Objective, Specification
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from solver.certificate import Certificate
     from solver.controllers import Controller
+    from solver.optimality import Optimality
     from solver.tuning.groupings import Groups
+    from solver.weights import Performance
 
 __all__ = ["tune"]
 
@@ -228,9 +229,7 @@ class _Run:
             level = 1.0
             if specification.objective is Objective.MU:
                 level = peaks.robust_performance.value * (1 + MARGIN)
-            certificate, warning = self._prove(
-                Claim(specification.plant, specification.uncertainty, performance, loops, level)
-            )
+            certificate, warning = self._prove(performance, loops, level)
             warnings += warning
         return Tuning(
             status=self.status,
@@ -251,9 +250,15 @@ class _Run:
             warnings=tuple(warnings),
         )
 
-    def _prove(self, claim: Claim) -> tuple[Certificate | None, list[str]]:
+    def _prove(
+        self, performance: Performance, loops: tuple[Controller, ...], level: float
+    ) -> tuple[Certificate | None, list[str]]:
+        plant, uncertainty = self.specification.plant, self.specification.uncertainty
         try:
-            return prove(claim, lambda: self._tick(math.inf))
+            return prove(
+                plant, uncertainty, performance, loops, level,
+                interrupt=lambda: self._tick(math.inf),
+            )  # fmt: skip
         except _OutOfTimeError:
             self.status = Status.TIME_LIMIT
             return None, ["no certificate: the time limit came first"]
@@ -261,6 +266,8 @@ class _Run:
     def _optimality(self, candidate: Candidate, tau_p: float) -> Optimality | None:
         if not self.specification.optimality_gap:
             return None
+        from solver.optimality import LowerBound  # noqa: PLC0415 - few tunings ask for it
+
         # The grouping that permits most; 'best' may have kept identical settings.
         search = self.searches[-1]
         bound = LowerBound(search.objective, search.box, peaks=candidate.peaks, tau_p=tau_p)

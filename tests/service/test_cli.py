@@ -15,7 +15,8 @@ from typer.testing import CliRunner, Result
 
 import solver.tuning
 from service.cli import app
-from service.schemas import RobustnessResult, TuningResult
+from service.schemas import TuningResult
+from service.schemas.robustness import RobustnessResult
 from solver.controllers import Controller
 from solver.results import LocalOptimum, Progress, SearchSummary, Status, Tuning
 from solver.tuning import Specification

@@ -17,7 +17,7 @@ from service import figures
 from service.figures.answers import figures_to_json
 from service.figures.tuning import TuningFigures
 from service.schemas.drawn import DrawnCurves
-from service.schemas.robustness import Peak, Peaks
+from service.schemas.peaks import Peak, Peaks
 from service.tuned import Tuned
 from solver.controllers import Controller
 from solver.plants import MatrixPlant, first_order

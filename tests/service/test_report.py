@@ -20,7 +20,7 @@ from zoo import COLUMN
 from service.cli.tuning import tune_file
 from service.report import report_html
 from service.tuned import Tuned
-from solver.certificate import Claim, read_certificate, verify
+from solver.certificate import read_certificate, verify
 from solver.controllers import Controller
 from solver.proof import prove
 from solver.weights import Performance, Uncertainty
@@ -186,8 +186,9 @@ def test_matrix_plants_and_missing_forms_are_shown() -> None:
 
 def test_the_certificate_is_in_the_file(tuned: Tuned) -> None:
     """The proof can be taken out of the report and verified."""
-    claim = Claim(tuned.plant, tuned.uncertainty, tuned.performance, tuned.loops, gamma=1.001)
-    certificate, _ = prove(claim)
+    certificate, _ = prove(
+        tuned.plant, tuned.uncertainty, tuned.performance, tuned.loops, level=1.001
+    )
     assert certificate is not None
     result = tuned.result.model_copy(update={"certificate": certificate.to_document()})
     page = Page(report_html(replace(tuned, result=result), MADE))

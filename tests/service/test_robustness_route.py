@@ -4,7 +4,7 @@ import httpx
 import pytest
 from samples import ROBUSTNESS, altered
 
-from service.schemas import RobustnessResult
+from service.schemas.robustness import RobustnessResult
 
 PATH = "/v1/robustness"
 
