@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.mu.scaling import sweep
-from solver.optimality.cuts import NU, cuts
+from solver.optimality.cuts import NU, cuts, nothing
 from solver.optimality.settings_box import demands, narrow
 from solver.plants import ParallelPlant
 
@@ -21,10 +21,11 @@ if TYPE_CHECKING:
 
 __all__ = ["Conditions", "Verdict", "cone", "robust_limits"]
 
-WIDE = 0.25
-CLEARLY = 1e-3
-KEPT = 30
 ROUNDS = 3  # cuts at the centre, then at the points that remained possible
+KEPT = 30  # points that take part in the later rounds, those whose conditions are tightest
+WIDE = 0.25  # of the widest variable, in logarithms: narrower ones are not cut in two
+CLEARLY = 1e-3  # by which |w_I|^2 exceeds 1 where its excess is divided by
+OUTWARD = 1e-9  # relative, above the rounding of what was divided by that excess
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,7 @@ class Verdict:
     low, high : (m,)
         What is left of it.
     tightest : (k,)
-        The points tried, the ones that exclude most first.
+        The points tried last, the ones that exclude most first.
 
     """
 
@@ -102,7 +103,7 @@ class Conditions:
         weight = self.performance.max_peak, self.performance.offset
         v, s = np.sqrt(low * high), known
         y = np.zeros((used.size, self.blocks.n_scales))
-        cut: tuple[NDArray[np.float64], ...] = ()
+        cut = nothing(used.size, self.signs.size)
         cold, all_free = True, True
         for _ in range(ROUNDS):
             points, G, u = self.samples.s[used], self.samples.G[used], self.samples.u[used]
@@ -113,14 +114,10 @@ class Conditions:
             sweep(G, c, u, p, self.blocks.layout, all_free, NU, cold, y)
             cold = False
             made = cuts(c, G, u, p, self.blocks.layout, np.exp(y))
-            cut = (
-                tuple(np.concatenate(parts, axis=1) for parts in zip(cut, made, strict=True))
-                if cut else made
-            )
+            cut = tuple(np.concatenate(both, axis=1) for both in zip(cut, made, strict=True))
             middle, half = 0.5 * (low + high), 0.5 * (high - low)
             excluded, s, e, gain, room = narrow(
-                low, high, cut, p, points, reach, self.signs,
-                self.cone, weight, self.target, s,
+                low, high, cut, p, points, reach, self.signs, self.cone, weight, self.target, s
             )  # fmt: skip
             if excluded:
                 return Verdict(self.target, None, low, high, used)
@@ -157,24 +154,25 @@ def cone(
 def robust_limits(
     blocks: LoopBlocks, samples: Samples, signs: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Greatest k and k/tau_I of each controller with which the loop can be robustly stable.
+    """Greatest k and k/tau_I of each controller with which a loop can be robustly stable, (m,).
 
-    Where |w_I| > 1 the uncertainty can open the other loops, and one row of a block must be
-    robustly stable by itself: |c + y|^2 >= u |c|^2 with y = 1/G of its own, a disc of c.
+    Where |w_I| >= 1 the uncertainty can take out all of C but one row of a block, so what is left
+    must be robustly stable: with zeta = G e and v = C zeta + e, e the unit vector of the row,
+    E zeta - G v = 0, hence |v_s| > |w_I (C zeta)_s|, or |c + y|^2 > u |c|^2 with y = 1/G_ee: c is
+    in a disc.
     """
     channels, _, first = blocks.layout
-    at = np.flatnonzero((samples.s.real == 0) & (samples.u > 1 + CLEARLY))
-    omega, u = samples.s[at].imag, samples.u[at]
     limits = np.full(2 * signs.size, np.inf)
     for row, channel in enumerate(channels):
-        own = samples.G[at, row, row - first[first <= row].max()]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            centre = signs[channel] / own / (u - 1)
-            radius = np.sqrt(u) * np.abs(centre)
-            k = centre.real + radius
-            m = omega * (radius - centre.imag)
-            margin = 1e-9 * radius
-            k,m = k+margin, m+omega*margin
-        for j, reach in ((2 * channel, k), (2 * channel + 1, m)):
-            limits[j] = min(limits[j], np.nanmin(reach, initial=np.inf))
+        own = samples.G[:, row, row - first[first <= row].max()]
+        at = (samples.s.real == 0) & (samples.u > 1 + CLEARLY) & (own != 0)
+        if not at.any():
+            continue
+        omega, u = samples.s[at].imag, samples.u[at]
+        centre = signs[channel] / own[at] / (u - 1)
+        radius = np.sqrt(u) * np.abs(centre) * (1 + OUTWARD)
+        # sign c = k - j (k/tau_I)/omega
+        limit = np.array([(centre.real + radius).min(), (omega * (radius - centre.imag)).min()])
+        own_limits = limits[2 * channel : 2 * channel + 2]
+        np.minimum(own_limits, limit, out=own_limits)
     return limits

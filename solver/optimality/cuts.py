@@ -12,11 +12,15 @@ or help, whatever X > 0 is, and
     p |zeta|^2  <=  |E zeta - G v|^2
 
 is left: a condition that no choice of scales can evade. With v_s = sqrt(u) h_s <q_s, (C zeta)_s>,
-|h_s| <= 1 and |q_s| <= 1 fixed, v is linear in c, so the right side is a convex quadratic
-function of c. Where h, q and zeta come from the dual solution at some c_0, the condition is as
-sharp as the best scales are there. The same holds for several zeta at once, the columns of Z, with
-Frobenius norms; a block of the loop (`solver.blocks`) has its own columns. It holds to the right of
-the imaginary axis too, by the maximum principle, if the loop is stable: docs/optimality.md.
+|h_s| <= 1 and |q_s| <= 1 fixed, v is linear in C zeta. Where h, q and zeta come from the dual
+solution at some c_0, the condition is as sharp as the best scales are there. The same holds for
+several zeta at once, the columns of Z, with Frobenius norms; a block of the loop (`solver.blocks`)
+has its own columns. It holds to the right of the imaginary axis too, by the maximum principle, if
+the loop is stable: docs/optimality.md.
+
+zeta itself may depend on c in any way. One way is to keep it; with two controllers another is to
+follow the response of the worst plant, which is linear in the other row's controller (`_follow`).
+The condition is then a Hermitian form in the products 1, c_1, c_2, c_1 c_2.
 """
 
 import math
@@ -26,7 +30,7 @@ import numpy as np
 from solver.mu.kernel import centred_level
 from solver.mu.workspace import compiled, square
 
-__all__ = ["NU", "cuts"]
+__all__ = ["NU", "cuts", "nothing"]
 
 NU = 1e-5  # barrier parameter: a cut is that much less sharp than the best scales
 SHORT = 1.0 - 1e-12  # h and q stay shorter than 1 whatever the rounding
@@ -34,7 +38,7 @@ SHORT = 1.0 - 1e-12  # h and q stay shorter than 1 whatever the rounding
 
 @compiled
 def cuts(c, G, u, p, layout, x):
-    """Conditions p psi^H norm psi <= psi^H square psi, sharp near `c`.
+    """Conditions p psi^H norm psi <= psi^H above psi, sharp near `c`.
 
     psi holds the products of the controllers: (1, c) or (1, c_1, c_2, c_1 c_2).
 
@@ -53,7 +57,7 @@ def cuts(c, G, u, p, layout, x):
 
     Returns
     -------
-    square, norm : (k, ways, size of psi, size of psi) complex
+    above, norm : (k, ways, size of psi, size of psi) complex
         Hermitian, not negative; 0 where no condition was found. Two ways with two controllers.
     size : (k, ways, 1 + controllers)
         Bound |Z|: size_0 + sum_j size_j |c_j|.
@@ -61,7 +65,7 @@ def cuts(c, G, u, p, layout, x):
     """
     count, controllers = c.shape
     rows, ways, products = G.shape[1], controllers, 2**controllers
-    square_form = np.zeros((count, ways, products, products), np.complex128)
+    above = np.zeros((count, ways, products, products), np.complex128)
     norm = np.zeros((count, ways, products, products), np.complex128)
     size = np.zeros((count, ways, 1 + controllers))
     Z = np.empty((rows, 2), np.complex128)
@@ -79,9 +83,20 @@ def cuts(c, G, u, p, layout, x):
                     _follow(c[k], G[k], reach, layout, Z, V, Q, slope)
                 _expand(
                     c[k], G[k], reach, layout, Z, V, Q, slope,
-                    square_form[k, way], norm[k, way], size[k, way],
+                    above[k, way], norm[k, way], size[k, way],
                 )  # fmt: skip
-    return square_form, norm, size
+    return above, norm, size
+
+
+@compiled
+def nothing(count, controllers):
+    """No conditions at `count` points, to which cuts are added along axis 1."""
+    products = 2**controllers
+    return (
+        np.zeros((count, 0, products, products), np.complex128),
+        np.zeros((count, 0, products, products), np.complex128),
+        np.zeros((count, 0, 1 + controllers)),
+    )
 
 
 @compiled
@@ -189,14 +204,22 @@ def _normalise(c, layout, Z, V, Q):
 
 
 @compiled
-def _part(c, G, root_u, layout, Z, V, Q):
-    """Share t in 0..1 of the permitted v for which |E Z - t G v| is least."""
-    channels, scales, first = layout
-    overlap, length = 0.0, 0.0
+def _drive(c, layout, Z, Q):
+    """<q_s, (C Z)_s> for each scale, which v follows."""
+    channels, scales, _ = layout
     drive = np.zeros(scales.max() + 1, np.complex128)
     for r in range(channels.size):
         for j in range(2):
             drive[scales[r]] += np.conj(Q[r, j]) * c[channels[r]] * Z[r, j]
+    return drive
+
+
+@compiled
+def _part(c, G, root_u, layout, Z, V, Q):
+    """Share t in 0..1 of the permitted v for which |E Z - t G v| is least."""
+    channels, scales, first = layout
+    overlap, length = 0.0, 0.0
+    drive = _drive(c, layout, Z, Q)
     for block in range(first.size - 1):
         lo, end = first[block], first[block + 1]
         for r in range(lo, end):
@@ -219,10 +242,7 @@ def _follow(c, G, reach, layout, Z, V, Q, slope):
     rho) C) is linear in the other row's controller alone. Other blocks follow the determinant.
     """
     channels, scales, _ = layout
-    drive = np.zeros(scales.max() + 1, np.complex128)
-    for r in range(channels.size):
-        for j in range(2):
-            drive[scales[r]] += np.conj(Q[r, j]) * c[channels[r]] * Z[r, j]
+    drive = _drive(c, layout, Z, Q)
     seen = np.zeros((2, 2), np.complex128)  # I - Delta
     for r in range(2):
         needed = 0.0
@@ -257,11 +277,11 @@ def _follow(c, G, reach, layout, Z, V, Q, slope):
 
 
 @compiled
-def _expand(c, G, reach, layout, Z, V, Q, slope, square_form, norm, size):
+def _expand(c, G, reach, layout, Z, V, Q, slope, above, norm, size):
     """Coefficients of |E Z - G v|^2 and |Z|^2 in the products of the controllers."""
     channels, scales, first = layout
     controllers = c.size
-    products = square_form.shape[0]
+    products = above.shape[0]
     rows = channels.size
     form = np.zeros((rows, 2, products), np.complex128)  # Z
     moved = np.zeros((rows, 2, products), np.complex128)  # C Z
@@ -294,5 +314,5 @@ def _expand(c, G, reach, layout, Z, V, Q, slope, square_form, norm, size):
                         left[i] += G[r, b - lo] * (moved[b, j, i] - pushed)
                 for i in range(products):
                     for b in range(products):
-                        square_form[i, b] += np.conj(left[i]) * left[b]
+                        above[i, b] += np.conj(left[i]) * left[b]
                         norm[i, b] += np.conj(form[r, j, i]) * form[r, j, b]
