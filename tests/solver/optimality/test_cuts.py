@@ -1,6 +1,7 @@
 """Cuts hold for every controller, and exclude no box that holds good settings."""
 
 import math
+from itertools import product
 
 import numpy as np
 import pytest
@@ -11,10 +12,11 @@ from zoo import COLUMN, SLH, interactions
 from solver.blocks import reduce
 from solver.mu.scaling import sweep
 from solver.optimality.bound import LowerBound
-from solver.optimality.conditions import Conditions
+from solver.optimality.conditions import Conditions, robust_limits
 from solver.optimality.cuts import NU, cuts
-from solver.optimality.infeasibility import excludes, least_weights
+from solver.optimality.infeasibility import least_weights
 from solver.optimality.samples import samples
+from solver.optimality.settings_box import weighted
 from solver.plants import first_order
 from solver.tuning import ControllerKind, Specification
 from solver.tuning.objective import FORBIDDEN, LoopObjective, TauGoal
@@ -63,13 +65,15 @@ def cut_at(objective, theta):
     return cuts(c, G, u, demanded, blocks.layout, np.exp(y)), c, G
 
 
-def right_side(cut, c):
-    """The level that a cut permits the controllers."""
-    square, norm, _ = cut
+def right_sides(cut, c):
+    """The levels that the cuts permit the controllers, (k, ways)."""
+    above, norm, _ = cut
     psi = np.ones((c.shape[0], 1))
     for j in range(c.shape[1]):
         psi = np.concatenate([psi, psi * c[:, j : j + 1]], axis=1)
-    level, length = (np.einsum("ki,kij,kj->k", psi.conj(), f, psi).real for f in (square, norm))
+    level, length = (
+        np.einsum("ki,kwij,kj->kw", psi.conj(), form, psi).real for form in (above, norm)
+    )
     return level / length
 
 
@@ -83,9 +87,11 @@ def test_a_cut_holds_for_all_settings(objective, here, there):
     size = 2 * objective.signs.size
     theta, other = (np.tile([2.0, 3.0], 2)[:size] + np.array(x)[:size] for x in (here, there))
     cut, c, G = cut_at(objective, theta)
-    room = 1e-11 * (1 + np.abs(c).sum(axis=1) * np.abs(G).sum(axis=(1, 2))) ** 2
+    there = responses(objective, other)
+    reach = (1 + np.abs(c).sum(axis=1)) * (1 + np.abs(there).sum(axis=1))
+    room = 1e-11 * (1 + reach * (1 + np.abs(G).sum(axis=(1, 2)))) ** 2
     elsewhere = np.exp(objective.levels(other, OMEGA))
-    assert (right_side(cut, responses(objective, other)) + room >= elsewhere * (1 - 1e-9)).all()
+    assert (right_sides(cut, there) + room[:, None] >= elsewhere[:, None] * (1 - 1e-9)).all()
 
 
 @pytest.mark.parametrize(
@@ -105,7 +111,23 @@ def test_a_cut_is_sharp_where_it_is_made(groups, loops, structure):
     )  # fmt: skip
     theta = np.log(loops)
     cut, c, _ = cut_at(objective, theta)
-    assert np.log(right_side(cut, c)) == pytest.approx(objective.levels(theta, OMEGA), abs=2e-3)
+    for level in np.log(right_sides(cut, c)).T:
+        assert level == pytest.approx(objective.levels(theta, OMEGA), abs=2e-3)
+
+
+def test_a_cut_that_follows_the_worst_plant_excludes_far_more():
+    """Settings that differ along the plant's strong direction are excluded by it alone."""
+    objective = LoopObjective(
+        reduce(SLH, ((0,), (1,))), Uncertainty.from_error(0.2, 1), TauGoal(Performance()),
+        ControllerKind.PI, np.ones(2), OMEGA,
+    )  # fmt: skip
+    cut, _, _ = cut_at(objective, np.log([47.65, 101.2, 18.9, 2.36]))
+    other = np.log([70, 101.2, 18.9, 2.36])
+    kept, followed = np.log(right_sides(cut, responses(objective, other))).T
+    true = objective.levels(other, OMEGA)
+    slow = np.argmin(abs(OMEGA - 0.03))
+    assert true[slow] <= followed[slow] < true[slow] + 0.1
+    assert kept[slow] > true[slow] + 1
 
 
 @settings(max_examples=40, deadline=None)
@@ -134,6 +156,12 @@ def test_no_settings_in_a_box_are_better_than_its_bound(objective, at, within, w
         assert inside or value >= target
 
 
+def excludes(w, a, b):
+    """Whether the weighted sum of conditions b + a e >= 0 is negative over the box of e."""
+    places = np.array(list(product((-1, 0, 1), repeat=a.shape[1])))
+    return weighted(w, b[:, None] + a @ places.T, np.empty(len(places))) < 0
+
+
 def test_conditions_with_a_common_point_are_never_excluded():
     """Linear conditions that a point of the box meets have no proof of the contrary."""
     rng = np.random.default_rng(5)
@@ -156,6 +184,18 @@ def test_conditions_without_a_common_point_are_excluded():
         a[8], b[8] = (-1, 0, 0), 0.5 - 1e-6
         w, _ = least_weights(a, b)
         assert excludes(w, a, b)
+
+
+@settings(max_examples=40, deadline=None)
+@given(loops(), st.lists(st.floats(-3, 6), min_size=4, max_size=4))
+def test_no_robustly_stable_settings_are_beyond_the_limits(objective, theta):
+    """A gain or k/tau_I above its limit leaves no level at one of the frequencies."""
+    size = 2 * objective.signs.size
+    known = samples(objective.blocks, objective.uncertainty, 1j * OMEGA)
+    limits = robust_limits(objective.blocks, known, objective.signs)
+    k, tau_i = np.exp(theta[:size:2]), np.exp(theta[1:size:2])
+    if (np.column_stack([k, k / tau_i]).ravel() > limits).any():
+        assert objective.levels(np.array(theta[:size]), OMEGA).min() <= FORBIDDEN
 
 
 def test_an_unstable_loop_is_excluded_by_points_to_the_right_of_the_axis():
