@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.mu.scaling import sweep
-from solver.optimality.cuts import NU, cuts, nothing
+from solver.optimality.cuts import NU, cuts
 from solver.optimality.settings_box import demands, narrow
 from solver.plants import ParallelPlant
 
@@ -103,7 +103,7 @@ class Conditions:
         weight = self.performance.max_peak, self.performance.offset
         v, s = np.sqrt(low * high), known
         y = np.zeros((used.size, self.blocks.n_scales))
-        cut = nothing(used.size, self.signs.size)
+        found: list[tuple[NDArray[np.float64], ...]] = []
         cold, all_free = True, True
         for _ in range(ROUNDS):
             points, G, u = self.samples.s[used], self.samples.G[used], self.samples.u[used]
@@ -113,8 +113,8 @@ class Conditions:
             c = self.signs * (v[::2] + v[1::2] / points[:, None])
             sweep(G, c, u, p, self.blocks.layout, all_free, NU, cold, y)
             cold = False
-            made = cuts(c, G, u, p, self.blocks.layout, np.exp(y))
-            cut = tuple(np.concatenate(both, axis=1) for both in zip(cut, made, strict=True))
+            found.append(cuts(c, G, u, p, self.blocks.layout, np.exp(y)))
+            cut = tuple(np.stack(parts, axis=1) for parts in zip(*found, strict=True))
             middle, half = 0.5 * (low + high), 0.5 * (high - low)
             excluded, s, e, gain, room = narrow(
                 low, high, cut, p, points, reach, self.signs, self.cone, weight, self.target, s
@@ -124,7 +124,7 @@ class Conditions:
             v = np.clip(middle + half * e, low, high)
             kept = np.argsort(room, kind="stable")[:KEPT]
             used, y = used[kept], y[kept]
-            cut = tuple(part[kept] for part in cut)
+            found = [tuple(part[kept] for part in made) for made in found]
         wide = np.log(high / low)
         gain[wide < WIDE * wide.max()] = -np.inf
         return Verdict(s, int(gain.argmax()), low, high, used)

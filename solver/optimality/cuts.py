@@ -18,9 +18,9 @@ several zeta at once, the columns of Z, with Frobenius norms; a block of the loo
 has its own columns. It holds to the right of the imaginary axis too, by the maximum principle, if
 the loop is stable: docs/optimality.md.
 
-zeta itself may depend on c in any way. One way is to keep it; with two controllers another is to
-follow the response of the worst plant, which is linear in the other row's controller (`_follow`).
-The condition is then a Hermitian form in the products 1, c_1, c_2, c_1 c_2.
+zeta itself may depend on c in any way. With one controller it is kept; with two it follows the
+response of the worst plant, each row linear in the other one's controller (`_follow`), which keeps
+the condition sharp over a far wider range. It is a Hermitian form in 1, c_1, c_2, c_1 c_2.
 """
 
 import math
@@ -30,7 +30,7 @@ import numpy as np
 from solver.mu.kernel import centred_level
 from solver.mu.workspace import compiled, square
 
-__all__ = ["NU", "cuts", "nothing"]
+__all__ = ["NU", "cuts"]
 
 NU = 1e-5  # barrier parameter: a cut is that much less sharp than the best scales
 SHORT = 1.0 - 1e-12  # h and q stay shorter than 1 whatever the rounding
@@ -57,46 +57,30 @@ def cuts(c, G, u, p, layout, x):
 
     Returns
     -------
-    above, norm : (k, ways, size of psi, size of psi) complex
-        Hermitian, not negative; 0 where no condition was found. Two ways with two controllers.
-    size : (k, ways, 1 + controllers)
+    above, norm : (k, size of psi, size of psi) complex
+        Hermitian, not negative; 0 where no condition was found.
+    size : (k, 1 + controllers)
         Bound |Z|: size_0 + sum_j size_j |c_j|.
 
     """
     count, controllers = c.shape
-    rows, ways, products = G.shape[1], controllers, 2**controllers
-    above = np.zeros((count, ways, products, products), np.complex128)
-    norm = np.zeros((count, ways, products, products), np.complex128)
-    size = np.zeros((count, ways, 1 + controllers))
+    rows, products = G.shape[1], 2**controllers
+    above = np.zeros((count, products, products), np.complex128)
+    norm = np.zeros((count, products, products), np.complex128)
+    size = np.zeros((count, 1 + controllers))
     Z = np.empty((rows, 2), np.complex128)
     V = np.empty((rows, 2), np.complex128)
     Q = np.empty((rows, 2), np.complex128)
-    slope = np.empty((rows, 2), np.complex128)
+    slope = np.zeros((rows, 2), np.complex128)
     for k in range(count):
         if _directions(c[k], G[k], u[k], p[k], layout, x[k], Z, V) and _normalise(
             c[k], layout, Z, V, Q
         ):
             reach = math.sqrt(u[k]) * _part(c[k], G[k], math.sqrt(u[k]), layout, Z, V, Q)
-            for way in range(ways):
-                slope[:, :] = 0j
-                if way == 1:
-                    _follow(c[k], G[k], reach, layout, Z, V, Q, slope)
-                _expand(
-                    c[k], G[k], reach, layout, Z, V, Q, slope,
-                    above[k, way], norm[k, way], size[k, way],
-                )  # fmt: skip
+            if controllers == 2:
+                _follow(c[k], G[k], reach, layout, Z, V, Q, slope)
+            _expand(c[k], G[k], reach, layout, Z, V, Q, slope, above[k], norm[k], size[k])
     return above, norm, size
-
-
-@compiled
-def nothing(count, controllers):
-    """No conditions at `count` points, to which cuts are added along axis 1."""
-    products = 2**controllers
-    return (
-        np.zeros((count, 0, products, products), np.complex128),
-        np.zeros((count, 0, products, products), np.complex128),
-        np.zeros((count, 0, 1 + controllers)),
-    )
 
 
 @compiled
@@ -242,6 +226,7 @@ def _follow(c, G, reach, layout, Z, V, Q, slope):
     rho) C) is linear in the other row's controller alone. Other blocks follow the determinant.
     """
     channels, scales, _ = layout
+    slope[:, :] = 0j
     drive = _drive(c, layout, Z, Q)
     seen = np.zeros((2, 2), np.complex128)  # I - Delta
     for r in range(2):

@@ -30,7 +30,7 @@ def linearise(low, high, cut, p, points, reach, signs, cone, a, b, bends):
     low, high : (m,)
         The box, > 0.
     cut : tuple
-        What `solver.optimality.cuts.cuts` returns: forms (k, ways, ...) and sizes.
+        What `solver.optimality.cuts.cuts` returns, with a second axis: several cuts a point.
     p, points, reach : (k,)
         The demand, the points, and a bound of the norm of I + G C and its derivative there for
         controllers of modulus 1.
@@ -39,15 +39,15 @@ def linearise(low, high, cut, p, points, reach, signs, cone, a, b, bends):
     cone : (rows, m)
         Conditions cone v >= 0.
     a, b : (conditions, m), (conditions,)
-        Filled in: b + a e >= 0 where e in [-1, 1]^m is the place in the box. The ways of the
+        Filled in: b + a e >= 0 where e in [-1, 1]^m is the place in the box. The cuts of the
         first point, those of the second, and so on; then the cone.
     bends : (conditions, 3^m)
         Filled in: each condition's coefficients, relative to the demand in the middle of the box.
 
     """
     above, norm, sizes = cut
-    m, ways = low.size, above.shape[1]
-    count = points.size * ways
+    m, several = low.size, above.shape[1]
+    count = points.size * several
     controllers = signs.size
     c = np.empty((controllers, 9), np.complex128)
     squares = np.empty((controllers, 9))
@@ -61,18 +61,18 @@ def linearise(low, high, cut, p, points, reach, signs, cone, a, b, bends):
             _ends(low[own], high[own], points[point], signs[i], c[i], squares[i])
             largest[i] = high[2 * i] + high[2 * i + 1] / abs(points[point])
             size += largest[i] * reach[point]
-        for way in range(ways):
-            k = ways * point + way
-            length = sizes[point, way, 0]
+        for turn in range(several):
+            k = several * point + turn
+            length = sizes[point, turn, 0]
             for i in range(controllers):
-                length += sizes[point, way, 1 + i] * largest[i]
-            unit = p[point] * _middle(norm[point, way], c)
+                length += sizes[point, turn, 1 + i] * largest[i]
+            unit = p[point] * _middle(norm[point, turn], c)
             if not unit > 0.0:
                 a[k], b[k], bends[k] = 0.0, NEVER, NEVER
                 continue
             for i in range(form.shape[0]):
                 for j in range(form.shape[0]):
-                    form[i, j] = above[point, way, i, j] - p[point] * norm[point, way, i, j]
+                    form[i, j] = above[point, turn, i, j] - p[point] * norm[point, turn, i, j]
             _coefficients(form, c, squares, bends[k])
             margin = MARGIN * (size * size + p[point]) * length * length
             for i in range(bends.shape[1]):

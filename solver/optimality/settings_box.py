@@ -72,8 +72,8 @@ def narrow(low, high, cut, p, points, reach, signs, cone, weight, target, known)
         By how much each point's conditions are met at `e`.
 
     """
-    m, ways = low.size, cut[0].shape[1]
-    count = points.size * ways
+    m, several = low.size, cut[0].shape[1]
+    count = points.size * several
     a = np.empty((count + cone.shape[0], m))
     b = np.empty(count + cone.shape[0])
     bends = np.empty((count + cone.shape[0], 3**m))
@@ -90,10 +90,10 @@ def narrow(low, high, cut, p, points, reach, signs, cone, weight, target, known)
         value = b[k]
         for i in range(m):
             value += a[k, i] * e[i]
-        at, way = k // ways, k % ways
+        at, turn = k // several, k % several
         room[at] = min(room[at], value)
         if w[k] > 0.0:
-            norm, sizes = cut[1][at, way], cut[2][at, way]
+            norm, sizes = cut[1][at, turn], cut[2][at, turn]
             share[k] = w[k] * least_length(low, high, points[at], norm, sizes, signs)
     s = _excluded_up_to(rest, p, points, share, weight, target, known)
     _gains(total, low, high, gain)

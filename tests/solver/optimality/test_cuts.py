@@ -51,28 +51,28 @@ def loops(draw):
 
 
 def responses(objective, theta):
-    return np.stack([c.response(OMEGA) for c in objective.controllers(theta)], axis=-1)
+    return np.stack([c.response(objective.omega) for c in objective.controllers(theta)], axis=-1)
 
 
 def cut_at(objective, theta):
     """The cuts of all frequencies made at `theta`, the controllers there and the plant."""
-    blocks, c = objective.blocks, responses(objective, theta)
-    G, u = blocks.packed(OMEGA), objective.uncertainty.magnitude(OMEGA) ** 2
-    demanded = np.exp(np.clip(objective.levels(theta, OMEGA), -10, 20))
-    y = np.zeros((OMEGA.size, blocks.n_scales))
+    blocks, omega, c = objective.blocks, objective.omega, responses(objective, theta)
+    G, u = blocks.packed(omega), objective.uncertainty.magnitude(omega) ** 2
+    demanded = np.exp(np.clip(objective.levels(theta, omega), -10, 20))
+    y = np.zeros((omega.size, blocks.n_scales))
     all_free = cold = True
     sweep(G, c, u, demanded, blocks.layout, all_free, NU, cold, y)
     return cuts(c, G, u, demanded, blocks.layout, np.exp(y)), c, G
 
 
-def right_sides(cut, c):
-    """The levels that the cuts permit the controllers, (k, ways)."""
+def right_side(cut, c):
+    """The level that a cut permits the controllers."""
     above, norm, _ = cut
     psi = np.ones((c.shape[0], 1))
     for j in range(c.shape[1]):
         psi = np.concatenate([psi, psi * c[:, j : j + 1]], axis=1)
     level, length = (
-        np.einsum("ki,kwij,kj->kw", psi.conj(), form, psi).real for form in (above, norm)
+        np.einsum("ki,kij,kj->k", psi.conj(), form, psi).real for form in (above, norm)
     )
     return level / length
 
@@ -91,7 +91,7 @@ def test_a_cut_holds_for_all_settings(objective, here, there):
     reach = (1 + np.abs(c).sum(axis=1)) * (1 + np.abs(there).sum(axis=1))
     room = 1e-11 * (1 + reach * (1 + np.abs(G).sum(axis=(1, 2)))) ** 2
     elsewhere = np.exp(objective.levels(other, OMEGA))
-    assert (right_sides(cut, there) + room[:, None] >= elsewhere[:, None] * (1 - 1e-9)).all()
+    assert (right_side(cut, there) + room >= elsewhere * (1 - 1e-9)).all()
 
 
 @pytest.mark.parametrize(
@@ -111,23 +111,20 @@ def test_a_cut_is_sharp_where_it_is_made(groups, loops, structure):
     )  # fmt: skip
     theta = np.log(loops)
     cut, c, _ = cut_at(objective, theta)
-    for level in np.log(right_sides(cut, c)).T:
-        assert level == pytest.approx(objective.levels(theta, OMEGA), abs=2e-3)
+    assert np.log(right_side(cut, c)) == pytest.approx(objective.levels(theta, OMEGA), abs=2e-3)
 
 
-def test_a_cut_that_follows_the_worst_plant_excludes_far_more():
-    """Settings that differ along the plant's strong direction are excluded by it alone."""
+def test_a_cut_stays_sharp_along_the_strong_direction():
+    """A gain that is half as high again takes it off the level by little, at 40 : 1."""
     objective = LoopObjective(
         reduce(SLH, ((0,), (1,))), Uncertainty.from_error(0.2, 1), TauGoal(Performance()),
-        ControllerKind.PI, np.ones(2), OMEGA,
+        ControllerKind.PI, np.ones(2), np.array([0.03]),
     )  # fmt: skip
-    cut, _, _ = cut_at(objective, np.log([47.65, 101.2, 18.9, 2.36]))
-    other = np.log([70, 101.2, 18.9, 2.36])
-    kept, followed = np.log(right_sides(cut, responses(objective, other))).T
-    true = objective.levels(other, OMEGA)
-    slow = np.argmin(abs(OMEGA - 0.03))
-    assert true[slow] <= followed[slow] < true[slow] + 0.1
-    assert kept[slow] > true[slow] + 1
+    omega = objective.omega
+    here, there = np.log([[47.65, 101.2, 18.9, 2.36], [70, 101.2, 18.9, 2.36]])
+    cut, _, _ = cut_at(objective, here)
+    true = objective.levels(there, omega)
+    assert np.log(right_side(cut, responses(objective, there))) == pytest.approx(true, abs=0.1)
 
 
 @settings(max_examples=40, deadline=None)
