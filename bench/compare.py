@@ -23,7 +23,7 @@ from scipy.optimize import differential_evolution, minimize
 from solver.blocks import group_loops
 from solver.controllers import Controller
 from solver.mu import BlockStructure, sdp, upper_bound
-from solver.mu.kernel import COLD, FINE
+from solver.mu.kernel import FINE
 from solver.mu.scaling import sweep
 from solver.plants import first_order
 from solver.robustness import LoopAnalysis
@@ -75,10 +75,10 @@ def bounds():
 
         def cold(G=G, c=c, u=u, b=b, layout=analysis.blocks.layout, y=y):
             y[:] = 0
-            sweep(G, c, u, b, layout, True, COLD, FINE, True, y)  # noqa: FBT003
+            sweep(G, c, u, b, layout, True, FINE, True, y)  # noqa: FBT003
 
         def warm(G=G, c=c, u=u, b=b, layout=analysis.blocks.layout, y=y):
-            sweep(G, c, u, b, layout, True, 1e-7, 1e-7, False, y)  # noqa: FBT003
+            sweep(G, c, u, b, layout, True, FINE, False, y)  # noqa: FBT003
 
         few = N[30:31]
         rows.append({

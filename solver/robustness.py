@@ -17,7 +17,7 @@ from solver.blocks import LoopBlocks, group_loops
 from solver.errors import InvalidInputError
 from solver.frequencies import corners, grid, low_end, resonances
 from solver.margins import loop_margins
-from solver.mu.kernel import COLD, FINE
+from solver.mu.kernel import FINE
 from solver.mu.scaling import sweep
 from solver.mu.structure import BlockStructure, bound_of_scales, sigma_max
 from solver.mu.worst_case import interconnection, worst_case
@@ -158,7 +158,7 @@ class LoopAnalysis:
         all_free = cold = True  # compiled code takes no keywords
         sweep(
             loop.G, loop.c, loop.u, performance * loop.b, self.blocks.layout,
-            all_free, COLD, FINE, cold, y,
+            all_free, FINE, cold, y,
         )  # fmt: skip
         return np.asarray(np.exp(0.5 * y))
 

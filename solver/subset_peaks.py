@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.blocks import reduce
-from solver.mu.kernel import COLD, FINE
+from solver.mu.kernel import FINE
 from solver.mu.scaling import sweep
 from solver.mu.structure import BlockStructure, bound_of_scales
 from solver.mu.worst_case import interconnection
@@ -211,9 +211,7 @@ class _Family:
         w_I, w_P = (each.weight.response(omega) for each in (self.uncertainty, self.performance))
         return _Loops(G, c, w_I, w_P, split)
 
-    def _sweep(
-        self, loops: _Loops, nu_end: float
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _sweep(self, loops: _Loops, nu: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Level (k,) and D-scales (k, scales)."""
         u, b = np.abs(loops.uncertainty) ** 2, np.abs(loops.performance) ** 2
         b[: loops.split] = 0.0
@@ -223,7 +221,7 @@ class _Family:
         level = [
             sweep(
                 loops.G[part], loops.c[part], u[part], b[part], self.blocks.layout,
-                scales_all, COLD, nu_end, starts_at_the_last, y[part],
+                scales_all, nu, starts_at_the_last, y[part],
             )[0]
             for part in (slice(loops.split), slice(loops.split, None))
         ]  # fmt: skip

@@ -19,7 +19,7 @@ from solver.certificate.proof import Gap, Turns, examine, unstable_poles
 from solver.certificate.record import Certificate, Claim, ProvenInterval
 from solver.certificate.reduction import MAX_SETTINGS, settings_of
 from solver.enclosures import Interval
-from solver.mu.kernel import COLD, FINE
+from solver.mu.kernel import FINE
 from solver.mu.scaling import sweep
 from solver.taylor_model import PRECISION
 
@@ -178,7 +178,6 @@ class _Search:
             self.claim.performance.magnitude(omega) ** 2,
             self.blocks.layout,
             True,  # noqa: FBT003 - numba compiles positional arguments
-            COLD,
             FINE,
             True,  # noqa: FBT003 - the same
             y,

@@ -17,10 +17,10 @@ three lines theorem, so h = -log det(I - Q W) is jointly convex and
 
 is a smooth convex problem. The level t is eliminated exactly: with the inverse levels l_i (the
 eigenvalues of the pencil) it solves  sum l_i/(e^-t - l_i) = 1/nu.  What is left is Newton's method
-in y, which is quadratic for a simple eigenvalue at any nu and follows nu down where eigenvalues
-meet (identical controllers). The derivatives of blocks of one or two rows, all that one or two
-groups of any number of units have, are written out. The level reported is that of the final scales
-themselves, without the barrier: a bound whatever the iteration did.
+in y. For a simple eigenvalue it is quadratic at any nu, so the last nu is tried at once; where its
+step fails, as where eigenvalues meet, nu is followed down. The derivatives of blocks of one or two
+rows, all that one or two groups of any number of units have, are written out. The level reported is
+that of the final scales themselves, without the barrier: a bound whatever the iteration did.
 """
 
 import math
@@ -42,18 +42,25 @@ from solver.mu.workspace import (
     square,
 )
 
-__all__ = ["COLD", "FINE", "balance", "centred_level", "sensitivities", "solve"]
+__all__ = ["FINE", "balance", "centred_level", "sensitivities", "solve"]
 
-COLD = 1e-2  # first nu: the scales may still be far off
-FINE = 1e-9  # last nu: the level is right to about nu times the multiplicity
+FINE = 1e-9  # usual nu: the level is right to about nu times the multiplicity
+MEETING = 1e-4  # nu from which eigenvalues that meet are followed down
+FALL = 0.01  # of nu, when it falls
 CENTRED = 0.05  # squared Newton decrement below which nu may fall
 CENTRED_AT_END = 1e-4  # and below which one last step squares it: the dual is right to 1e-4 then
+CONVERGED = 1e-12  # error of log level, foretold by quadratic convergence, at which to end early
+AGREEMENT = 0.01  # if the value fell as the model said to this share,
+APART = 1e-4  # and the eigenvalues are relatively that far apart
 MAX_ITERATIONS = 60
 LARGEST_STEP = 2.0  # in log scale: Newton's model is not trusted further
+SHORTER = 0.4  # a step whose value does not fall is tried again with this length,
+SHORT = 0.3  # down to this one without a barrier,
+SHORTEST = 1e-8  # and to this one with it
 
 
 @inner
-def solve(factors, y, nu, nu_end, ws):
+def solve(factors, y, nu, ws):
     """Largest level over the scales, and the scales in `y` (start and result).
 
     Parameters
@@ -65,8 +72,8 @@ def solve(factors, y, nu, nu_end, ws):
         with the totals at the end, whether all of Q is free.
     y : (scales,)
         Log of the squared scales.
-    nu, nu_end : float
-        First and last barrier parameter.
+    nu : float
+        Last barrier parameter.
     ws : tuple
         `workspace`. On return it holds what `sensitivities` needs.
 
@@ -96,41 +103,51 @@ def solve(factors, y, nu, nu_end, ws):
     for i in range(factors[3].size):
         if factors[3][i] > 0.0:
             moving = y.size
-    steps_at_nu = 0
+    last_nu, following, before = nu, False, TINY  # the squared decrement before
     centre = centred_level(inverse_levels, top, nu)
     value = _value(inverse_levels, centre, h, nu)
     for _ in range(MAX_ITERATIONS):
         _derivatives(factors, ws, 1.0 / centre)
         decrement = _newton_step(ws, nu, moving)
-        last = nu <= nu_end and decrement < CENTRED_AT_END
-        drop = decrement < CENTRED and nu > nu_end
-        if drop:
-            # A quick centring means a smooth optimum: go far at once, else tenfold.
-            nu = max(nu_end, nu * (1e-4 if steps_at_nu <= 2 else 0.1))
-            steps_at_nu = 0
-        else:
-            steps_at_nu += 1
+        centred = nu == last_nu and decrement < CENTRED_AT_END
+        falling = nu > last_nu and decrement < CENTRED
+        if falling:
+            nu = max(last_nu, FALL * nu)
         longest = 0.0
         for s in range(y.size):
             longest = max(longest, abs(step[s]))
-        length = 1.0 if longest <= LARGEST_STEP else LARGEST_STEP / longest
-        while True:
+        length = min(1.0, LARGEST_STEP / longest)
+        accepted = False
+        while not accepted and length > (SHORTEST if following else SHORT):
             for s in range(y.size):
                 trial[s] = y[s] + length * step[s]
-            top_trial, h_trial = _inverse_levels(factors, trial, ws)
-            if top_trial < math.inf:
-                centre_trial = centred_level(inverse_levels, top_trial, nu)
-                new = _value(inverse_levels, centre_trial, h_trial, nu)
-                if drop or new <= value - 0.1 * length * decrement + 1e-12 * abs(value):
-                    break
-            length *= 0.4
-            if not length > 1e-8:  # rounding stops the descent: y is as good as it gets
-                top, h = _inverse_levels(factors, y, ws)
-                return -math.log(top), centred_level(inverse_levels, top, nu)
+            new_top, h = _inverse_levels(factors, trial, ws)
+            if new_top < math.inf:
+                new_centre = centred_level(inverse_levels, new_top, nu)
+                new = _value(inverse_levels, new_centre, h, nu)
+                enough = 0.1 * length * decrement - 1e-12 * abs(value)
+                accepted = falling or value - new >= enough
+            if not accepted:
+                length *= SHORTER
+        if not accepted:
+            top, h = _inverse_levels(factors, y, ws)
+            if following:  # rounding stops the descent: y is as good as it gets
+                centre = centred_level(inverse_levels, top, nu)
+                break
+            # Newton's model without a barrier fails: eigenvalues meet, or y is far off.
+            following, nu = True, max(nu, MEETING)
+            centre = centred_level(inverse_levels, top, nu)
+            value = _value(inverse_levels, centre, h, nu)
+            continue
         for s in range(y.size):
             y[s] = trial[s]
-        top, centre, value = top_trial, centre_trial, new
-        if last:
+        agrees = not falling and abs(2.0 * (value - new) - decrement) < AGREEMENT * decrement
+        top, centre, value = new_top, new_centre, new
+        others = 1.0 - nu * top / (centre - top)  # share of the dual; nu over their distance
+        apart = others < min(0.1, nu / APART)
+        ratio, before = decrement / before, decrement
+        converged = nu == last_nu and nu * decrement * ratio * ratio < CONVERGED
+        if length == 1.0 and (centred or (converged and agrees and apart)):
             break
     return -math.log(top), centre
 

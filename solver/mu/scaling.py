@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solver.mu.kernel import COLD, FINE, balance, sensitivities, solve
+from solver.mu import one_scale
+from solver.mu.kernel import FINE, balance, sensitivities, solve
 from solver.mu.structure import BlockStructure, Bound, bound_of_scales
 from solver.mu.workspace import X, compiled, inner, workspace
 
@@ -83,11 +84,11 @@ def _scale_matrices(N, scales, row_scale, all_free, y):
             for j in range(channels, rows):
                 rest[i, j - channels] = N[k, i, j]
         balance(factors, y[k], ws)
-        solve(factors, y[k], COLD, FINE, ws)
+        solve(factors, y[k], FINE, ws)
 
 
 @compiled
-def sweep(G, c, u, b, layout, all_free, nu, nu_end, cold, y):
+def sweep(G, c, u, b, layout, all_free, nu, cold, y):
     """Level of every frequency and its slope in the controllers.
 
     Parameters
@@ -102,8 +103,8 @@ def sweep(G, c, u, b, layout, all_free, nu, nu_end, cold, y):
         `LoopBlocks.layout`: controller and scale of each row, first row of each block.
     all_free : bool
         Whether the level scales all of N (mu) or its performance rows only (skewed mu).
-    nu, nu_end : float
-        First and last barrier parameter of the kernel.
+    nu : float
+        Last barrier parameter of the kernel.
     cold : bool
         Start each frequency at its neighbour's scales instead of at `y`.
     y : (k, scales)
@@ -136,16 +137,19 @@ def sweep(G, c, u, b, layout, all_free, nu, nu_end, cold, y):
         np.empty(y.shape[1]),
     )
     ws = workspace(rows, widest, y.shape[1])
-    _sweep(G, c, u, b, layout, all_free, nu, nu_end, cold, y, scratch, ws, t, slope, det)
+    _sweep(G, c, u, b, layout, all_free, nu, cold, y, scratch, ws, t, slope, det)
     return t, slope, det
 
 
 @inner
-def _sweep(G, c, u, b, layout, all_free, nu, nu_end, cold, y, scratch, ws, t, slope, det):
+def _sweep(G, c, u, b, layout, all_free, nu, cold, y, scratch, ws, t, slope, det):
     """Fill in `t`, `slope` and `det`, with arrays that are there already."""
     channels, scales, first = layout
     cols, S, E, p, b_rows, b_small, A, mixed, trial = scratch
     rows, x = p.size, ws[X]
+    closed_form = rows <= 2 and G.shape[2] == 1 and trial.size == 1
+    for i in range(rows):
+        closed_form = closed_form and channels[i] == channels[0]
     for k in range(t.size):
         for block in range(first.size - 1):
             lo = first[block]
@@ -160,16 +164,20 @@ def _sweep(G, c, u, b, layout, all_free, nu, nu_end, cold, y, scratch, ws, t, sl
             p[i] = u[k] * (ci.real * ci.real + ci.imag * ci.imag)
             b_rows[i] = b[k]
             b_small[i] = 1e-6 * b[k]
-        factors = (cols, S, p, b_rows, scales, scales, first, first, all_free)
-        if cold and k > 0:
-            for i in range(trial.size):
-                y[k, i] = y[k - 1, i]
-        elif cold:
-            balance(factors, y[k], ws)
-        t[k], centre = _solve_from(factors, b_small, y[k], trial, nu, nu_end, ws)
+        if closed_form:
+            t[k], x[0], total = one_scale.solve(cols, S, p[0], b[k], all_free, nu, A, mixed)
+            y[k, 0] = math.log(x[0])
+        else:
+            factors = (cols, S, p, b_rows, scales, scales, first, first, all_free)
+            if cold and k > 0:
+                for i in range(trial.size):
+                    y[k, i] = y[k - 1, i]
+            elif cold:
+                balance(factors, y[k], ws)
+            t[k], centre = _solve_from(factors, b_small, y[k], trial, nu, ws)
+            total = sensitivities(factors, centre, ws, A, mixed) if abs(t[k]) < math.inf else 1.0
         if not abs(t[k]) < math.inf:
             continue
-        total = sensitivities(factors, centre, ws, A, mixed)
         p_level = math.exp(t[k]) if all_free else 1.0
         for i in range(rows):
             ci = c[k, channels[i]]
@@ -178,24 +186,24 @@ def _sweep(G, c, u, b, layout, all_free, nu, nu_end, cold, y, scratch, ws, t, sl
 
 
 @inner
-def _solve_from(factors, b_small, y, trial, nu, nu_end, ws):
+def _solve_from(factors, b_small, y, trial, nu, ws):
     """Solve; where the uncertain part alone exceeds 1 at `y`, from the scales best for mu."""
     cols, S, p, _, scales, _, first, _, _ = factors
-    task, place, start, end = factors, y, nu, nu_end
+    task, place, end = factors, y, nu
     for attempt in range(3):
-        t, centre = solve(task, place, start, end, ws)
+        t, centre = solve(task, place, end, ws)
         if attempt == 0 and t == -math.inf:
             for i in range(y.size):
                 trial[i] = y[i]
             task = (cols, S, p, b_small, scales, scales, first, first, True)
             balance(task, trial, ws)
-            place, start, end = trial, COLD, 1e-4
+            place, end = trial, 1e-4
         elif attempt == 1:
             if not t > 0.0:
                 return -math.inf, centre
             for i in range(y.size):
                 y[i] = trial[i]
-            task, place, end = factors, y, nu_end
+            task, place, end = factors, y, nu
         else:
             break
     return t, centre

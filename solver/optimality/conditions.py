@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solver.mu.kernel import COLD
 from solver.mu.scaling import sweep
 from solver.optimality.cuts import NU, cuts
 from solver.optimality.settings_box import demands, in_settings, narrow
@@ -109,8 +108,7 @@ class Conditions:
         s, cold, all_free = known, True, True
         for turn in range(1, ROUNDS + 1):
             c = self.signs * (v[::2] + v[1::2] / points[:, None])
-            first = COLD if cold else 10 * NU
-            sweep(G, c, u, p, self.blocks.layout, all_free, first, NU, cold, y)
+            sweep(G, c, u, p, self.blocks.layout, all_free, NU, cold, y)
             cold = False
             constant, beta, M = cuts(c, G, u, p, self.blocks.layout, np.exp(y))
             value = constant + 2 * (beta * c).sum(axis=1).real

@@ -12,7 +12,7 @@ __all__ = ["loop_levels", "winds_as_stable"]
 
 
 @compiled
-def loop_levels(theta, signs, omega, G, u, b, layout, all_free, nu, nu_end, cold, y):
+def loop_levels(theta, signs, omega, G, u, b, layout, all_free, nu, cold, y):
     """Level of every frequency at the settings `theta`, and what `solver.tuning.objective` needs.
 
     Parameters
@@ -23,7 +23,7 @@ def loop_levels(theta, signs, omega, G, u, b, layout, all_free, nu, nu_end, cold
         Sign of each gain.
     omega : (k,)
         Frequencies, rad per time unit, ascending.
-    G, u, b, layout, all_free, nu, nu_end, cold, y
+    G, u, b, layout, all_free, nu, cold, y
         As for `sweep`.
 
     Returns
@@ -39,7 +39,7 @@ def loop_levels(theta, signs, omega, G, u, b, layout, all_free, nu, nu_end, cold
     controllers = signs.size
     per = theta.size // controllers
     c, dc = _responses(theta, signs, omega)
-    level, slope, det = sweep(G, c, u, b, layout, all_free, nu, nu_end, cold, y)
+    level, slope, det = sweep(G, c, u, b, layout, all_free, nu, cold, y)
     gradient = np.empty((omega.size, theta.size))
     for k in range(omega.size):
         for j in range(controllers):

@@ -156,19 +156,20 @@ class _Model:
         With a `trial` point the levels at `here` are replaced by those that the model's slopes
         and the levels at the trial imply.
         """
-        size = here.theta.size
-        demand, slope = here.demand, here.demand_slope
-        level = here.level
-        active = np.flatnonzero(level - demand < NEAR_ACTIVE)
+        size, slope = here.theta.size, here.demand_slope
+        room = here.level - here.demand
+        active = np.flatnonzero(room < NEAR_ACTIVE)
+        base = room
         if trial is not None:
-            level = trial.level - here.gradient @ (trial.theta - here.theta)
-        planes = [(here.gradient, level, active)]
+            base = self._room(trial, here.s) - here.gradient @ (trial.theta - here.theta)
+        planes = [(here.gradient, base, active)]
         for other in self.bundle:
             # Where the level is a minimum of smooth pieces, this is the piece on the other side. It
             # must not cut off the present point, as the tangent of a convex level would.
-            there = other.level + other.gradient @ (here.theta - other.theta)
-            seen = active[other.level[active] - demand[active] < NEAR_ACTIVE]
-            planes.append((other.gradient, np.maximum(there, here.level), seen))
+            seen = self._room(other, here.s)
+            there = seen + other.gradient @ (here.theta - other.theta)
+            rows = active[seen[active] < NEAR_ACTIVE]
+            planes.append((other.gradient, np.maximum(there, room), rows))
         H = np.zeros((size + 2, size + 2))
         H[:size, :size] = self.B
         H.flat[:: size + 3] += [LEAST_CURVATURE] * size + [CURVATURE_OF_S] * 2
@@ -178,10 +179,10 @@ class _Model:
         A[:, :size] = np.concatenate([-gradient[rows] for gradient, _, rows in planes])
         A[:, size] = slope[rows]
         A[:, size + 1] = -1.0
-        room = np.concatenate([plane[rows] for _, plane, rows in planes]) - demand[rows]
+        limits = np.concatenate([limit[rows] for _, limit, rows in planes])
         d_high = np.minimum(self.box.high - here.theta, self.radius)
         d_low = np.maximum(self.box.low - here.theta, -self.radius)
-        upper = np.concatenate([d_high, [3.0, 1e3], room])
+        upper = np.concatenate([d_high, [3.0, 1e3], limits])
         lower = np.concatenate([d_low, [-3.0, 0.0], np.full(rows.size, -1e30)])
         sense = np.zeros(upper.size, dtype=np.int32)
         x, _, flag, info = daqp.solve(
@@ -193,6 +194,11 @@ class _Model:
         multipliers[active] = np.abs(info["lam"][size + 2 : size + 2 + active.size])
         promise = here.merit - here.s - float(x[size]) - PENALTY * float(x[size + 1])
         return _Step(np.asarray(x[:size]), promise, multipliers)
+
+    def _room(self, other: Evaluation, s: float) -> NDArray[np.float64]:
+        """Level of another point less the demand of s, (k,), at that point's frequencies."""
+        omega = np.concatenate([self.objective.omega, other.peaks])
+        return other.level - self.objective.goal.demand(s, omega)[0]
 
 
 def _corrected(

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.controllers import Controller
-from solver.mu.kernel import COLD, FINE
+from solver.mu.kernel import FINE
 from solver.mu.workspace import TINY
 from solver.tuning.loop_levels import loop_levels, winds_as_stable
 from solver.tuning.specification import ControllerKind
@@ -31,11 +31,11 @@ if TYPE_CHECKING:
     from solver.blocks import LoopBlocks
     from solver.weights import Performance, Uncertainty
 
-WARM = 1e-4  # first barrier parameter where a neighbour's scales are the start
 FORBIDDEN = -50.0  # stands for a level of minus infinity where a curve is refined
-FOLLOWING = (0.1, 0.01)  # half widths, in log omega, of the parabolas that follow a peak
+BESIDE = 0.1  # log omega within which a peak is followed
+AROUND = (BESIDE * np.array([-1, -0.3, 0, 0.3, 1]), BESIDE * np.array([-0.1, 0, 0.1]))
 
-__all__ = ["FOLLOWING", "PENALTY", "Evaluation", "Goal", "LoopObjective", "MuGoal", "TauGoal"]
+__all__ = ["BESIDE", "PENALTY", "Evaluation", "Goal", "LoopObjective", "MuGoal", "TauGoal"]
 
 PENALTY = 30.0  # price in s of a missing level; more than its multiplier at any optimum seen
 
@@ -284,16 +284,25 @@ class LoopObjective:
         return np.maximum(level, FORBIDDEN)
 
     def _followed(self, theta: NDArray[np.float64], near: Evaluation) -> NDArray[np.float64]:
-        """Return the peaks at `theta`, each at the vertex of a parabola through three points."""
-        log_peaks = np.log(near.peaks)
-        for width in FOLLOWING:
-            points = log_peaks + width * np.array([[-1.0], [0.0], [1.0]])
+        """Return the peaks at `theta`, each at the vertex of a parabola.
+
+        It goes through the highest of the points around and its neighbours: another peak may be
+        as near as the farthest point.
+        """
+        log_peaks, row = np.log(near.peaks), np.arange(near.peaks.size)
+        for around in AROUND:
+            points = log_peaks + around[:, None]
             omega = np.exp(points.ravel())
             excess = self.goal.demand(near.s, omega)[0] - self.levels(theta, omega)
-            left, middle, right = excess.reshape(points.shape)
-            bend = 2 * middle - left - right
-            move = 0.5 * (right - left) / np.maximum(bend, 0.25 * np.abs(right - left) + TINY)
-            log_peaks = log_peaks + width * move
+            excess = excess.reshape(points.shape)
+            top = np.clip(excess.argmax(axis=0), 1, around.size - 2)
+            low, middle, high = (points[top + i, row] for i in (-1, 0, 1))
+            left, here, right = (excess[top + i, row] for i in (-1, 0, 1))
+            rise, fall = (here - left) / (middle - low), (here - right) / (high - middle)
+            vertex = 0.5 * (low + middle) + 0.5 * (high - low) * rise / np.maximum(
+                rise + fall, TINY
+            )
+            log_peaks = np.clip(vertex, low, high)
         return np.exp(log_peaks)
 
     def _sweep(
@@ -307,6 +316,6 @@ class LoopObjective:
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.complex128]]:
         level, gradient, det = loop_levels(
             theta, self.signs, samples.omega, samples.G, samples.u, samples.b,
-            self.blocks.layout, not self.goal.skewed, COLD if cold else WARM, nu, cold, y,
+            self.blocks.layout, not self.goal.skewed, nu, cold, y,
         )  # fmt: skip
         return level, gradient, det

@@ -22,7 +22,7 @@ from solver.peaks import local_peaks
 from solver.plants import ParallelPlant
 from solver.tuning.bounds import gain_signs, parameter_box
 from solver.tuning.minimax import minimise
-from solver.tuning.objective import FOLLOWING, Evaluation, Goal, LoopObjective, MuGoal, TauGoal
+from solver.tuning.objective import BESIDE, Evaluation, Goal, LoopObjective, MuGoal, TauGoal
 from solver.tuning.specification import Objective, Specification
 from solver.weights import Performance
 
@@ -247,22 +247,38 @@ class GroupingSearch:
                 break
             # Some peak was not followed, or is a kink, which no parabola meets: follow it from now
             # on, and hold it at its place too.
+            missed = self._missed(here, omega, candidate.peaks)
+            far = np.abs(np.log(missed[:, None] / here.peaks)) > BESIDE
+            peaks = np.append(here.peaks, missed[far.all(axis=1)])
             theta, omega = here.theta, np.union1d(omega, candidate.peaks)
-            far = np.abs(np.log(candidate.peaks[:, None] / here.peaks)) > FOLLOWING[0]
-            peaks = np.append(here.peaks, candidate.peaks[far.all(axis=1)])
         return best if best is not None and math.isfinite(best.value) else None
 
     def _peaks_between(self, here: Evaluation) -> NDArray[np.float64]:
         """Return the peaks of the demand's excess between the points of the grid."""
-
-        def excess(omega: NDArray[np.float64]) -> NDArray[np.float64]:
-            demand = self.objective.goal.demand(here.s, omega)[0]
-            return demand - self.objective.levels(here.theta, omega)
-
-        return local_peaks(
-            excess, self.objective.omega, here.demand - here.level,
+        omega = self.objective.omega
+        peaks, _ = local_peaks(
+            lambda points: self._excess(here, points), omega, here.demand - here.level,
             within=NEARLY_ACTIVE, rounds=FIRST_ZOOMS,
-        )[0]  # fmt: skip
+        )  # fmt: skip
+        return self._missed(here, omega, peaks)
+
+    def _missed(
+        self, here: Evaluation, omega: NDArray[np.float64], peaks: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Those of the peaks that the fixed frequencies `omega` of an evaluation do not show.
+
+        A plateau, or an end of the axis, is shown.
+        """
+        shown = (here.demand - here.level)[: omega.size]
+        right = np.clip(np.searchsorted(omega, peaks), 1, omega.size - 1)
+        highest = np.maximum(shown[right - 1], shown[right])
+        return peaks[self._excess(here, peaks) > highest + SETTLED]
+
+    def _excess(self, here: Evaluation, omega: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Demand less level at any frequencies, (k,), for the settings and s of an evaluation."""
+        return self.objective.goal.demand(here.s, omega)[0] - self.objective.levels(
+            here.theta, omega
+        )
 
     def measure(self, theta: NDArray[np.float64], s: float) -> Candidate:
         """Return the exact value of given parameters near `s`, by refining every peak."""

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from zoo import COLUMN, SLH, interactions
 
 from solver.blocks import reduce
-from solver.mu.kernel import COLD
 from solver.mu.scaling import sweep
 from solver.optimality.bound import LowerBound
 from solver.optimality.conditions import Conditions
@@ -60,7 +59,7 @@ def cut_at(objective, theta):
     demanded = np.exp(np.clip(objective.levels(theta, OMEGA), -10, 20))
     y = np.zeros((OMEGA.size, blocks.n_scales))
     all_free = cold = True
-    sweep(G, c, u, demanded, blocks.layout, all_free, COLD, NU, cold, y)
+    sweep(G, c, u, demanded, blocks.layout, all_free, NU, cold, y)
     return cuts(c, G, u, demanded, blocks.layout, np.exp(y)), c, G
 
 
