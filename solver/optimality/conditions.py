@@ -23,7 +23,6 @@ __all__ = ["Conditions", "Verdict", "cone", "robust_limits"]
 
 ROUNDS = 3  # cuts at the centre, then at the points that remained possible
 KEPT = 30  # points that take part in the later rounds, those whose conditions are tightest
-WIDE = 0.25  # of the widest variable, in logarithms: narrower ones are not cut in two
 CLEARLY = 1e-3  # by which |w_I|^2 exceeds 1 where its excess is divided by
 OUTWARD = 1e-9  # relative, above the rounding of what was divided by that excess
 
@@ -116,7 +115,7 @@ class Conditions:
             found.append(cuts(c, G, u, p, self.blocks.layout, np.exp(y)))
             cut = tuple(np.stack(parts, axis=1) for parts in zip(*found, strict=True))
             middle, half = 0.5 * (low + high), 0.5 * (high - low)
-            excluded, s, e, gain, room = narrow(
+            excluded, s, e, room = narrow(
                 low, high, cut, p, points, reach, self.signs, self.cone, weight, self.target, s
             )  # fmt: skip
             if excluded:
@@ -125,9 +124,7 @@ class Conditions:
             kept = np.argsort(room, kind="stable")[:KEPT]
             used, y = used[kept], y[kept]
             found = [tuple(part[kept] for part in made) for made in found]
-        wide = np.log(high / low)
-        gain[wide < WIDE * wide.max()] = -np.inf
-        return Verdict(s, int(gain.argmax()), low, high, used)
+        return Verdict(s, int((high / low).argmax()), low, high, used)
 
     @property
     def all_points(self) -> NDArray[np.int64]:

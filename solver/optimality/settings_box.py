@@ -66,8 +66,6 @@ def narrow(low, high, cut, p, points, reach, signs, cone, weight, target, known)
         Lower bound of s over the box.
     e : (m,)
         Where, in -1..1 of the box as it was, the linear conditions are met best.
-    gain : (m,)
-        How much nearer to exclusion the halves are, the box being cut in each variable.
     room : (k,)
         By how much each point's conditions are met at `e`.
 
@@ -79,12 +77,11 @@ def narrow(low, high, cut, p, points, reach, signs, cone, weight, target, known)
     bends = np.empty((count + cone.shape[0], 3**m))
     linearise(low, high, cut, p, points, reach, signs, cone, a, b, bends)
     w, e = least_weights(a, b)
-    gain = np.zeros(m)
     room = np.full(points.size, math.inf)
     total = np.zeros(3**m)
     rest = weighted(w, bends, total)
     if rest < 0.0:
-        return True, target, e, gain, room
+        return True, target, e, room
     share = np.zeros(count)
     for k in range(count):
         value = b[k]
@@ -96,9 +93,8 @@ def narrow(low, high, cut, p, points, reach, signs, cone, weight, target, known)
             norm, sizes = cut[1][at, turn], cut[2][at, turn]
             share[k] = w[k] * least_length(low, high, points[at], norm, sizes, signs)
     s = _excluded_up_to(rest, p, points, share, weight, target, known)
-    _gains(total, low, high, gain)
     excluded = not _tighten(low, high, total, bends)
-    return excluded, target if excluded else s, e, gain, room
+    return excluded, target if excluded else s, e, room
 
 
 @compiled
@@ -114,26 +110,6 @@ def weighted(w, bends, total):
                 largest = max(largest, abs(bends[k, at]))
             size += w[k] * largest
     return total.max() + ROUNDING * size
-
-
-@compiled
-def _gains(total, low, high, gain):
-    """How much less the greatest coefficient is in the halves of each variable, on average."""
-    m = gain.size
-    most = total.max()
-    for i in range(m):
-        step = 3 ** (m - 1 - i)
-        t = 1.0 / (1.0 + math.sqrt(high[i] / low[i]))  # of the geometric middle
-        below, above = -math.inf, -math.inf
-        for at in range(total.size):
-            if at // step % 3 == 0:
-                first, second, third = total[at], total[at + step], total[at + 2 * step]
-                left = first + t * (second - first)
-                right = second + t * (third - second)
-                middle = left + t * (right - left)
-                below = max(below, first, left, middle)
-                above = max(above, middle, right, third)
-        gain[i] = most - 0.5 * (below + above)
 
 
 @compiled
