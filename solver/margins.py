@@ -209,6 +209,8 @@ def margins(loop: Response, omega: NDArray[np.float64]) -> Margins:
 
 def _margins(loops: Responses, grids: Sequence[NDArray[np.float64]]) -> list[Margins]:
     """Return the margins of several loops, each on its grid; see `margins`."""
+    if not grids:
+        return []
     omegas, curves = _refined(loops, grids)
     roots = _roots(loops, omegas, curves)
     on_axis = loops([row[0] for row in roots])

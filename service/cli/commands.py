@@ -81,6 +81,8 @@ def tune(
     ] = False,
 ) -> None:
     """Find the fastest robust loop settings."""
+    # What is imported stays: looking through it a hundred times takes a tenth of a short command.
+    gc.set_threshold(50_000)
     from service.cli.tuning import tune_file  # noqa: PLC0415 - heavy
 
     raise typer.Exit(
@@ -242,6 +244,4 @@ def revoke_key(key_id: Annotated[str, typer.Argument(help="First column of the l
 
 def main() -> None:
     """Run the command line."""
-    # What is imported stays: looking through it a hundred times takes a tenth of a short command.
-    gc.set_threshold(50_000)
     app()

@@ -19,6 +19,7 @@ import solver.interaction.decoupling
 import solver.interaction.drive_simulation
 import solver.interaction.loop_effect
 import solver.interaction.parallel_drives
+import solver.mu.certificate
 import solver.relay
 import solver.robustness
 import solver.simulation.worst_actuators

@@ -211,6 +211,9 @@ def test_unstable_arrangements_have_no_margins() -> None:
     assert rows[0].alone is None
     assert rows[1].alone is not None
     assert all(row.together is None for row in rows)
+    (row,) = loop_margins(plant, (hot, hot))
+    assert row.alone is None
+    assert row.together is None
 
 
 def test_unstable_processes_are_refused() -> None:
