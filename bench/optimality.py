@@ -1,23 +1,21 @@
 """How near is the proven lower bound, and what does it cost? ``python bench/optimality.py [s]``.
 
-The plants of SLH tables 1 and 3 with identical PI settings, others with dead time or many units,
-and the published case with two different settings, for which the proof gets `s` CPU seconds.
+The plants of SLH tables 1 and 3 and others, with dead time or many units, with identical PI
+settings and with two different ones. Every proof gets at most `s` CPU seconds.
 """
 
 import sys
 import time
 from contextlib import suppress
 
-import numpy as np
-
 from solver.errors import Cancelled
 from solver.optimality import LowerBound
-from solver.plants import ParallelPlant, first_order
+from solver.plants import MatrixPlant, ParallelPlant, first_order
 from solver.transfer_function import TransferFunction
 from solver.tuning import Arrangement, Specification, tune
 from solver.tuning.groupings import groupings
 from solver.tuning.search import GroupingSearch
-from solver.weights import Performance, Uncertainty
+from solver.weights import Performance, Structure, Uncertainty
 
 USUAL = Uncertainty.from_error(0.2, 1)
 INTEGRATING = ParallelPlant(2, TransferFunction((1,), (1, 0)), TransferFunction((0.5,), (1, 0)))
@@ -29,11 +27,24 @@ OTHERS = {
     "integrating": INTEGRATING,
     "a = 0.9999": first_order(2, 1, 100, 0.9999),
 }
+COLUMN = MatrixPlant(  # SLH eq. 3
+    [[TransferFunction((gain,), (75, 1)) for gain in row]
+     for row in ((0.878, -0.864), (-1.082, 1.096))]
+)  # fmt: skip
+GROUPS = {
+    "n = 3, a = -0.45: 1 and 2": (first_order(3, 1, 100, -0.45), (1, 2)),
+    "n = 5, a = -0.2: 2 and 3": (first_order(5, 1, 100, -0.2), (2, 3)),
+    "n = 50, a = -0.015, dead time: 1 and 49": (first_order(50, 1, 50, -0.015, 0.5), (1, 49)),
+    "n = 50, a = 0.5: 10 and 40": (first_order(50, 1, 100, 0.5), (10, 40)),
+    "n = 50, a = 0.949: 25 and 25": (first_order(50, 1, 100, 0.949), (25, 25)),
+}
 
 
-def measure(name, plant, arrangement, limit):
+def measure(name, plant, limit, arrangement, sizes=None, uncertainty=USUAL):
     """Tune, prove for at most `limit` CPU seconds, and print a line."""
-    specification = Specification(plant, USUAL, Performance(), arrangement=arrangement)
+    specification = Specification(
+        plant, uncertainty, Performance(), arrangement=arrangement, group_sizes=sizes
+    )
     tau_p = tune(specification).tau_p
     search = GroupingSearch(specification, groupings(specification)[0], 1.0, lambda _: None)
     for theta in search.starts(search.default_starts):
@@ -58,16 +69,22 @@ def measure(name, plant, arrangement, limit):
 
 def main():
     """Print a line a case."""
-    limit = float(sys.argv[1]) if len(sys.argv) > 1 else 10.0
-    measure("(first use)", first_order(2, 1, 10, 0.5), Arrangement.IDENTICAL, np.inf)
-    for tau in (10, 100):
-        for a in (0, 0.827, 0.949, 0.984, 0.995):
-            plant = first_order(2, 1, tau, a)
-            measure(f"tau = {tau}, a = {a}", plant, Arrangement.IDENTICAL, np.inf)
-    for name, plant in OTHERS.items():
-        measure(name, plant, Arrangement.IDENTICAL, np.inf)
+    limit = float(sys.argv[1]) if len(sys.argv) > 1 else 30.0
+    for arrangement in (Arrangement.IDENTICAL, Arrangement.INDEPENDENT):
+        print(arrangement)
+        measure("(first use)", first_order(2, 1, 10, 0.5), limit, arrangement)
+        for tau in (10, 100):
+            for a in (0, 0.827, 0.949, 0.984, 0.995):
+                measure(f"tau = {tau}, a = {a}", first_order(2, 1, tau, a), limit, arrangement)
+        for name, plant in OTHERS.items():
+            if plant.n == 2 or arrangement is Arrangement.IDENTICAL:
+                measure(name, plant, limit, arrangement)
+    full = Uncertainty.from_error(0.2, 1, Structure.FULL)
     plant = first_order(2, 1, 100, 0.949)
-    measure("tau = 100, a = 0.949, two settings", plant, Arrangement.INDEPENDENT, limit)
+    measure("tau = 100, a = 0.949, full block", plant, limit, arrangement, uncertainty=full)
+    measure("column", COLUMN, limit, arrangement)
+    for name, (plant, sizes) in GROUPS.items():
+        measure(name, plant, limit, Arrangement.GROUPED, sizes)
 
 
 if __name__ == "__main__":

@@ -10,12 +10,11 @@ from __future__ import annotations
 
 import heapq
 import math
-from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from solver.optimality.conditions import Conditions, cone
+from solver.optimality.conditions import Conditions, cone, robust_limits
 from solver.optimality.record import Optimality, Proof
 from solver.optimality.samples import samples
 
@@ -34,9 +33,6 @@ BESIDE = np.exp([-0.1, -0.03, 0.0, 0.03, 0.1])  # where the peaks of nearly opti
 RAYS = np.exp(1j * np.pi / 6 * np.arange(3))  # 30 degrees apart, the positive axis the first
 EVERY = 3  # of the frequencies, of which there are rays
 PASSED_ON = 10  # points that a part of a box tries first: the tightest of the whole
-# With two different controllers the proof is far from its goal for long; a lower tau_P is excluded
-# with fewer boxes, so these shares of it come first, each from the whole box again.
-STAGES = (0.1, 0.2, 0.4, 0.6, 0.8, 0.9, 0.95, 0.98)
 MAX_OPEN = 100_000  # boxes kept at a time, about 100 MB
 OUTWARD = 1e-12  # relative widening of the bounds, above the rounding of exp and log
 
@@ -89,17 +85,13 @@ class LowerBound:
         shortest, longest = low[1::2].copy(), high[1::2].copy()
         low[1::2], high[1::2] = low[::2] / longest, high[::2] / shortest
         self._tau_p, self._goal = tau_p, goal
-        stages = STAGES if objective.signs.size > 1 else ()
-        shares = [share for share in stages if share < 1 - goal]
-        self._targets = [math.log(tau_p) + math.log(share) for share in (*shares, 1 - goal)]
         self._conditions = Conditions(
-            blocks, known, objective.goal.performance, objective.signs, self._targets[0],
-            cone(blocks, shortest, longest),
+            blocks, known, objective.goal.performance, objective.signs,
+            math.log(tau_p) + math.log(1 - goal), cone(blocks, shortest, longest),
         )  # fmt: skip
         low, high = low * (1 - OUTWARD), high * (1 + OUTWARD)
-        self._whole = _Box(-math.inf, 0, low, high, self._conditions.all_points)
-        self._open = [self._whole]
-        self._proven = -math.inf
+        high = np.minimum(high, robust_limits(blocks, known, objective.signs))
+        self._open = [_Box(-math.inf, 0, low, high, self._conditions.all_points)]
         self._boxes = self._number = 0
 
     def run(self, checkpoint: Callable[[], None] = lambda: None) -> Optimality:
@@ -111,27 +103,21 @@ class LowerBound:
             Called at every box; what it raises passes through, and `result` holds what is proven.
 
         """
-        for target in self._targets:
-            self._open = [self._whole]
-            self._conditions = replace(self._conditions, target=target)
-            while self._open:
-                if len(self._open) > MAX_OPEN:
-                    return self.result()
-                checkpoint()
-                self._examine(self._open[0])
-            self._proven = target
+        while self._open and len(self._open) <= MAX_OPEN:
+            checkpoint()
+            self._examine(self._open[0])
         return self.result()
 
     def result(self) -> Optimality:
         """Return what is proven up to now."""
-        s = max(self._proven, self._open[0].s if self._open else -math.inf)
+        s = self._open[0].s if self._open else self._conditions.target
         # The demand was lessened by 1e-12 and s is its logarithm: a little less is proven for sure.
         bound = math.exp(s) * (1 - 1e-9)
         return Optimality(
             lower_bound=bound,
             gap=1 - bound / self._tau_p,
             goal=self._goal,
-            status=Proof.STOPPED if self._proven < self._targets[-1] else Proof.REACHED,
+            status=Proof.STOPPED if self._open else Proof.REACHED,
             boxes=self._boxes,
             points=self._conditions.samples.s.size,
         )

@@ -9,7 +9,7 @@ import numpy as np
 
 from solver.mu.scaling import sweep
 from solver.optimality.cuts import NU, cuts
-from solver.optimality.settings_box import demands, in_settings, narrow
+from solver.optimality.settings_box import demands, narrow
 from solver.plants import ParallelPlant
 
 if TYPE_CHECKING:
@@ -19,9 +19,13 @@ if TYPE_CHECKING:
     from solver.optimality.samples import Samples
     from solver.weights import Performance
 
-__all__ = ["Conditions", "Verdict", "cone"]
+__all__ = ["Conditions", "Verdict", "cone", "robust_limits"]
 
 ROUNDS = 3  # cuts at the centre, then at the points that remained possible
+KEPT = 30  # points that take part in the later rounds, those whose conditions are tightest
+WIDE = 0.25  # of the widest variable, in logarithms: narrower ones are not cut in two
+CLEARLY = 1e-3  # by which |w_I|^2 exceeds 1 where its excess is divided by
+OUTWARD = 1e-9  # relative, above the rounding of what was divided by that excess
 
 
 @dataclass(frozen=True)
@@ -37,7 +41,7 @@ class Verdict:
     low, high : (m,)
         What is left of it.
     tightest : (k,)
-        The points tried, the ones that exclude most first.
+        The points tried last, the ones that exclude most first.
 
     """
 
@@ -96,43 +100,34 @@ class Conditions:
 
         """
         low, high = low.copy(), high.copy()
-        points, G, u = self.samples.s[used], self.samples.G[used], self.samples.u[used]
         weight = self.performance.max_peak, self.performance.offset
-        p = demands(self.target, points, *weight)
-        # Of |E Z - G v| at |c| = 1: |v| <= sqrt(u) |c Z|.
-        reach = self.samples.size[used] * (1 + np.sqrt(u))
+        v, s = np.sqrt(low * high), known
         y = np.zeros((used.size, self.blocks.n_scales))
-        slack = np.full(used.size, np.inf)
         found: list[tuple[NDArray[np.float64], ...]] = []
-        v = np.sqrt(low * high)
-        s, cold, all_free = known, True, True
-        for turn in range(1, ROUNDS + 1):
+        cold, all_free = True, True
+        for _ in range(ROUNDS):
+            points, G, u = self.samples.s[used], self.samples.G[used], self.samples.u[used]
+            p = demands(self.target, points, *weight)
+            # Of |E Z - G v| at |c| = 1: |v| <= sqrt(u) |c Z|.
+            reach = self.samples.size[used] * (1 + np.sqrt(u))
             c = self.signs * (v[::2] + v[1::2] / points[:, None])
             sweep(G, c, u, p, self.blocks.layout, all_free, NU, cold, y)
             cold = False
-            constant, beta, M = cuts(c, G, u, p, self.blocks.layout, np.exp(y))
-            value = constant + 2 * (beta * c).sum(axis=1).real
-            value += np.einsum("ki,kij,kj->k", c.conj(), M, c).real
-            slack = np.minimum(slack, value / p)
-            found.append((constant, *in_settings(beta, M, self.signs, points)))
-            cut = tuple(np.concatenate(parts) for parts in zip(*found, strict=True))
+            found.append(cuts(c, G, u, p, self.blocks.layout, np.exp(y)))
+            cut = tuple(np.stack(parts, axis=1) for parts in zip(*found, strict=True))
             middle, half = 0.5 * (low + high), 0.5 * (high - low)
-            excluded, s, e, hidden, room, w = narrow(
-                low, high, cut, np.tile(p, turn), np.tile(points, turn), np.tile(reach, turn),
-                self.cone, weight, self.target, s,
+            excluded, s, e, gain, room = narrow(
+                low, high, cut, p, points, reach, self.signs, self.cone, weight, self.target, s
             )  # fmt: skip
             if excluded:
                 return Verdict(self.target, None, low, high, used)
-            # More cuts help only where it is not the curvature that lets the box pass.
-            if room < hidden.sum():
-                break
             v = np.clip(middle + half * e, low, high)
-        slack[np.flatnonzero(w) % used.size] = -1
-        ratio = high / low
-        split = int(hidden.argmax() if hidden.max() > 0 else ratio.argmax())
-        if not ratio[split] > 1 + 1e-12:
-            split = int(ratio.argmax())
-        return Verdict(s, split, low, high, used[np.argsort(slack, kind="stable")])
+            kept = np.argsort(room, kind="stable")[:KEPT]
+            used, y = used[kept], y[kept]
+            found = [tuple(part[kept] for part in made) for made in found]
+        wide = np.log(high / low)
+        gain[wide < WIDE * wide.max()] = -np.inf
+        return Verdict(s, int(gain.argmax()), low, high, used)
 
     @property
     def all_points(self) -> NDArray[np.int64]:
@@ -154,3 +149,30 @@ def cone(
     if alike and isinstance(blocks.plant, ParallelPlant):
         rows = np.vstack([rows, [1, 0, -1, 0]])
     return rows
+
+
+def robust_limits(
+    blocks: LoopBlocks, samples: Samples, signs: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Greatest k and k/tau_I of each controller with which a loop can be robustly stable, (m,).
+
+    Where |w_I| >= 1 the uncertainty can take out all of C but one row of a block, so what is left
+    must be robustly stable: with zeta = G e and v = C zeta + e, e the unit vector of the row,
+    E zeta - G v = 0, hence |v_s| > |w_I (C zeta)_s|, or |c + y|^2 > u |c|^2 with y = 1/G_ee: c is
+    in a disc.
+    """
+    channels, _, first = blocks.layout
+    limits = np.full(2 * signs.size, np.inf)
+    for row, channel in enumerate(channels):
+        own = samples.G[:, row, row - first[first <= row].max()]
+        at = (samples.s.real == 0) & (samples.u > 1 + CLEARLY) & (own != 0)
+        if not at.any():
+            continue
+        omega, u = samples.s[at].imag, samples.u[at]
+        centre = signs[channel] / own[at] / (u - 1)
+        radius = np.sqrt(u) * np.abs(centre) * (1 + OUTWARD)
+        # sign c = k - j (k/tau_I)/omega
+        limit = np.array([(centre.real + radius).min(), (omega * (radius - centre.imag)).min()])
+        own_limits = limits[2 * channel : 2 * channel + 2]
+        np.minimum(own_limits, limit, out=own_limits)
+    return limits

@@ -12,11 +12,15 @@ or help, whatever X > 0 is, and
     p |zeta|^2  <=  |E zeta - G v|^2
 
 is left: a condition that no choice of scales can evade. With v_s = sqrt(u) h_s <q_s, (C zeta)_s>,
-|h_s| <= 1 and |q_s| <= 1 fixed, v is linear in c, so the right side is a convex quadratic
-function of c. Where h, q and zeta come from the dual solution at some c_0, the condition is as
-sharp as the best scales are there. The same holds for several zeta at once, the columns of Z, with
-Frobenius norms; a block of the loop (`solver.blocks`) has its own columns. It holds to the right of
-the imaginary axis too, by the maximum principle, if the loop is stable: docs/optimality.md.
+|h_s| <= 1 and |q_s| <= 1 fixed, v is linear in C zeta. Where h, q and zeta come from the dual
+solution at some c_0, the condition is as sharp as the best scales are there. The same holds for
+several zeta at once, the columns of Z, with Frobenius norms; a block of the loop (`solver.blocks`)
+has its own columns. It holds to the right of the imaginary axis too, by the maximum principle, if
+the loop is stable: docs/optimality.md.
+
+zeta itself may depend on c in any way. With one controller it is kept; with two it follows the
+response of the worst plant, each row linear in the other one's controller (`_follow`), which keeps
+the condition sharp over a far wider range. It is a Hermitian form in 1, c_1, c_2, c_1 c_2.
 """
 
 import math
@@ -26,21 +30,22 @@ import numpy as np
 from solver.mu.kernel import centred_level
 from solver.mu.workspace import compiled, square
 
-__all__ = ["NEVER", "NU", "cuts"]
+__all__ = ["NU", "cuts"]
 
 NU = 1e-5  # barrier parameter: a cut is that much less sharp than the best scales
 SHORT = 1.0 - 1e-12  # h and q stay shorter than 1 whatever the rounding
-NEVER = 1e300  # constant of a cut that says nothing
 
 
 @compiled
 def cuts(c, G, u, p, layout, x):
-    """Conditions p constant <= constant + 2 Re(linear c) + c^H quadratic c, sharp near `c`.
+    """Conditions p psi^H norm psi <= psi^H above psi, sharp near `c`.
+
+    psi holds the products of the controllers: (1, c) or (1, c_1, c_2, c_1 c_2).
 
     Parameters
     ----------
     c : (k, controllers) complex
-        Where they are to be sharp.
+        Where they are to be sharp; at most two.
     G : (k, rows, widest) complex
         `LoopBlocks.packed_at`, blocks of at most two rows.
     u, p : (k,)
@@ -52,31 +57,30 @@ def cuts(c, G, u, p, layout, x):
 
     Returns
     -------
-    constant : (k,)
-        Near 1; `NEVER` where no condition was found.
-    linear : (k, controllers) complex
-    quadratic : (k, controllers, controllers) complex
-        Hermitian, not negative.
+    above, norm : (k, size of psi, size of psi) complex
+        Hermitian, not negative; 0 where no condition was found.
+    size : (k, 1 + controllers)
+        Bound |Z|: size_0 + sum_j size_j |c_j|.
 
     """
-    size, controllers = c.shape
-    rows = G.shape[1]
-    constant = np.full(size, NEVER)
-    linear = np.zeros((size, controllers), np.complex128)
-    quadratic = np.zeros((size, controllers, controllers), np.complex128)
+    count, controllers = c.shape
+    rows, products = G.shape[1], 2**controllers
+    above = np.zeros((count, products, products), np.complex128)
+    norm = np.zeros((count, products, products), np.complex128)
+    size = np.zeros((count, 1 + controllers))
     Z = np.empty((rows, 2), np.complex128)
     V = np.empty((rows, 2), np.complex128)
-    share = np.empty((x.shape[1], controllers), np.complex128)
-    B = np.empty((controllers, rows, 2), np.complex128)
-    for k in range(size):
+    Q = np.empty((rows, 2), np.complex128)
+    slope = np.zeros((rows, 2), np.complex128)
+    for k in range(count):
         if _directions(c[k], G[k], u[k], p[k], layout, x[k], Z, V) and _normalise(
-            c[k], layout, Z, V, share
+            c[k], layout, Z, V, Q
         ):
-            part = _part(c[k], G[k], math.sqrt(u[k]), layout, Z, V, share)
-            constant[k] = _expand(
-                G[k], part * math.sqrt(u[k]), layout, Z, V, share, B, linear[k], quadratic[k]
-            )
-    return constant, linear, quadratic
+            reach = math.sqrt(u[k]) * _part(c[k], G[k], math.sqrt(u[k]), layout, Z, V, Q)
+            if controllers == 2:
+                _follow(c[k], G[k], reach, layout, Z, V, Q, slope)
+            _expand(c[k], G[k], reach, layout, Z, V, Q, slope, above[k], norm[k], size[k])
+    return above, norm, size
 
 
 @compiled
@@ -155,42 +159,51 @@ def _directions(c, G, u, p, layout, x, Z, V):
 
 
 @compiled
-def _normalise(c, layout, Z, V, share):
-    """Make |Z| = 1 and |V_s| < 1 for each scale; share[s, j] makes <q_s, (C Z)_s> of c_j."""
+def _normalise(c, layout, Z, V, Q):
+    """Make |Z| = 1 and of each scale |V_s| < 1; fill in Q_s with |Q_s| < 1, along (C Z)_s."""
     channels, scales, _ = layout
     total = 0.0
     for r in range(channels.size):
         total += square(Z[r, 0]) + square(Z[r, 1])
     if not 0.0 < total < math.inf:
         return False
-    share[:, :] = 0j
     for r in range(channels.size):
         for j in range(2):
             Z[r, j] /= math.sqrt(total)
             V[r, j] /= math.sqrt(total)
-    for s in range(share.shape[0]):
+            Q[r, j] = c[channels[r]] * Z[r, j]
+    for s in range(scales.max() + 1):
         length, needed = 0.0, 0.0
         for r in range(channels.size):
             if scales[r] == s:
-                own = square(Z[r, 0]) + square(Z[r, 1])
                 length += square(V[r, 0]) + square(V[r, 1])
-                needed += square(c[channels[r]]) * own
-                share[s, channels[r]] += np.conj(c[channels[r]]) * own
+                needed += square(Q[r, 0]) + square(Q[r, 1])
         usable = 0.0 < length < math.inf and 0.0 < needed < math.inf
         for r in range(channels.size):
             if scales[r] == s:
                 for j in range(2):
                     V[r, j] = V[r, j] * (SHORT / math.sqrt(length)) if usable else 0j
-        for j in range(share.shape[1]):
-            share[s, j] = share[s, j] * (SHORT / math.sqrt(needed)) if usable else 0j
+                    Q[r, j] = Q[r, j] * (SHORT / math.sqrt(needed)) if usable else 0j
     return True
 
 
 @compiled
-def _part(c, G, root_u, layout, Z, V, share):
+def _drive(c, layout, Z, Q):
+    """<q_s, (C Z)_s> for each scale, which v follows."""
+    channels, scales, _ = layout
+    drive = np.zeros(scales.max() + 1, np.complex128)
+    for r in range(channels.size):
+        for j in range(2):
+            drive[scales[r]] += np.conj(Q[r, j]) * c[channels[r]] * Z[r, j]
+    return drive
+
+
+@compiled
+def _part(c, G, root_u, layout, Z, V, Q):
     """Share t in 0..1 of the permitted v for which |E Z - t G v| is least."""
     channels, scales, first = layout
     overlap, length = 0.0, 0.0
+    drive = _drive(c, layout, Z, Q)
     for block in range(first.size - 1):
         lo, end = first[block], first[block + 1]
         for r in range(lo, end):
@@ -198,41 +211,93 @@ def _part(c, G, root_u, layout, Z, V, share):
                 whole, pushed = Z[r, j], 0j
                 for i in range(lo, end):
                     whole += G[r, i - lo] * c[channels[i]] * Z[i, j]
-                    total = 0j
-                    for m in range(share.shape[1]):
-                        total += share[scales[i], m] * c[m]
-                    pushed += G[r, i - lo] * V[i, j] * (root_u * total)
+                    pushed += G[r, i - lo] * V[i, j] * (root_u * drive[scales[i]])
                 overlap += (np.conj(pushed) * whole).real
                 length += square(pushed)
     return min(max(overlap / length, 0.0), 1.0) if length > 0.0 else 0.0
 
 
 @compiled
-def _expand(G, reach, layout, Z, V, share, B, linear, quadratic):
-    """Coefficients of |E Z - G v|^2 in c, v = reach V share c; returns the constant |Z|^2."""
+def _follow(c, G, reach, layout, Z, V, Q, slope):
+    """Slope of each row of Z in the other controller: Z then follows the worst plant's zeta.
+
+    The first block is the 2 x 2 one. With v = rho C zeta row by row its worst plant has G (I - rho)
+    in place of G, and zeta = (I + G (I - rho) C)^-1 w for a fixed w. Its multiple by det(I + G (I -
+    rho) C) is linear in the other row's controller alone. Other blocks follow the determinant.
+    """
+    channels, scales, _ = layout
+    slope[:, :] = 0j
+    drive = _drive(c, layout, Z, Q)
+    seen = np.zeros((2, 2), np.complex128)  # I - Delta
+    for r in range(2):
+        needed = 0.0
+        for i in range(2):
+            if scales[i] == scales[r]:
+                for j in range(2):
+                    own = c[channels[i]] * Z[i, j]
+                    needed += square(own)
+                    seen[r, i] -= reach * V[r, j] * drive[scales[r]] * np.conj(own)
+        for i in range(2):
+            seen[r, i] = seen[r, i] / needed if needed > 0.0 else 0j
+        seen[r, r] += 1.0
+    g11 = G[0, 0] * seen[0, 0] + G[0, 1] * seen[1, 0]
+    g12 = G[0, 0] * seen[0, 1] + G[0, 1] * seen[1, 1]
+    g21 = G[1, 0] * seen[0, 0] + G[1, 1] * seen[1, 0]
+    g22 = G[1, 0] * seen[0, 1] + G[1, 1] * seen[1, 1]
+    c1, c2 = c[channels[0]], c[channels[1]]
+    both = g11 * g22 - g12 * g21
+    det = 1.0 + g11 * c1 + g22 * c2 + both * c1 * c2
+    if not square(det) > 0.0:
+        return
+    for j in range(2):
+        w1 = Z[0, j] * (1.0 + g11 * c1) + g12 * c2 * Z[1, j]
+        w2 = Z[1, j] * (1.0 + g22 * c2) + g21 * c1 * Z[0, j]
+        slope[0, j] = (w1 * g22 - w2 * g12) / det
+        slope[1, j] = (w2 * g11 - w1 * g21) / det
+    growth = np.empty(2, np.complex128)
+    growth[channels[0]] = (g11 + both * c2) / det
+    growth[channels[1]] = (g22 + both * c1) / det
+    for r in range(2, channels.size):
+        slope[r, 0] = Z[r, 0] * growth[1 - channels[r]]
+
+
+@compiled
+def _expand(c, G, reach, layout, Z, V, Q, slope, above, norm, size):
+    """Coefficients of |E Z - G v|^2 and |Z|^2 in the products of the controllers."""
     channels, scales, first = layout
-    constant = 0.0
-    for j in range(linear.size):
-        linear[j] = 0j
-        for block in range(first.size - 1):
-            lo, end = first[block], first[block + 1]
-            for r in range(lo, end):
-                for column in range(end - lo):
-                    total = 0j
-                    for i in range(lo, end):
-                        own = Z[i, column] if channels[i] == j else 0j
-                        total += G[r, i - lo] * (own - reach * V[i, column] * share[scales[i], j])
-                    B[j, r, column] = total
-                    linear[j] += np.conj(Z[r, column]) * total
-                    if j == 0:
-                        constant += square(Z[r, column])
-    for i in range(linear.size):
-        for j in range(linear.size):
-            total = 0j
-            for block in range(first.size - 1):
-                lo, end = first[block], first[block + 1]
-                for r in range(lo, end):
-                    for column in range(end - lo):
-                        total += np.conj(B[i, r, column]) * B[j, r, column]
-            quadratic[i, j] = total
-    return constant
+    controllers = c.size
+    products = above.shape[0]
+    rows = channels.size
+    form = np.zeros((rows, 2, products), np.complex128)  # Z
+    moved = np.zeros((rows, 2, products), np.complex128)  # C Z
+    drive = np.zeros((scales.max() + 1, products), np.complex128)
+    for r in range(rows):
+        own = channels[r]
+        other = 1 - own
+        for j in range(2):
+            form[r, j, 0] = Z[r, j]
+            moved[r, j, 1 << own] = Z[r, j]
+            if controllers == 2:
+                constant = Z[r, j] - slope[r, j] * c[other]
+                form[r, j, 0] = moved[r, j, 1 << own] = constant
+                form[r, j, 1 << other] = moved[r, j, 3] = slope[r, j]
+                size[1 + other] += square(slope[r, j])
+            size[0] += square(form[r, j, 0])
+            for i in range(1, products):
+                drive[scales[r], i] += np.conj(Q[r, j]) * moved[r, j, i]
+    for i in range(size.size):
+        size[i] = math.sqrt(size[i])
+    left = np.empty(products, np.complex128)
+    for block in range(first.size - 1):
+        lo, end = first[block], first[block + 1]
+        for r in range(lo, end):
+            for j in range(end - lo):
+                for i in range(products):
+                    left[i] = form[r, j, i]
+                    for b in range(lo, end):
+                        pushed = reach * V[b, j] * drive[scales[b], i]
+                        left[i] += G[r, b - lo] * (moved[b, j, i] - pushed)
+                for i in range(products):
+                    for b in range(products):
+                        above[i, b] += np.conj(left[i]) * left[b]
+                        norm[i, b] += np.conj(form[r, j, i]) * form[r, j, b]

@@ -1,11 +1,10 @@
-r"""Compiled: a proof that linear conditions have no common point in a box.
+r"""Compiled: weights that show that linear conditions have no common point in a box.
 
 Conditions b_k + a_k e >= 0 on e in [-1, 1]^m have no common point if weights w >= 0 exist with
 
     sum_k w_k b_k + |sum_k w_k a_k|_1 < 0
 
-(Farkas 1902). The weights of least value, of sum 1, are found by the simplex method; how they were
-found is of no matter to the proof, which `excludes` makes with its rounding errors counted.
+(Farkas 1902). The weights of least value, of sum 1, are found by the simplex method.
 """
 
 import math
@@ -14,11 +13,10 @@ import numpy as np
 
 from solver.mu.workspace import compiled
 
-__all__ = ["excludes", "least_weights"]
+__all__ = ["least_weights"]
 
 MAX_PIVOTS = 80
 IMPROVES = 1e-9  # reduced cost, relative to conditions near 1, that is worth a pivot
-ROUNDING = 1e-12  # per term; sums of a few hundred of them err by 1e-13 at most
 
 
 @compiled
@@ -103,21 +101,3 @@ def least_weights(a, b):
     for i in range(m):
         e[i] = min(max(-price[i], -1.0), 1.0)
     return w, e
-
-
-@compiled
-def excludes(w, a, b):
-    """Whether the weights `w` prove that no e in [-1, 1]^m meets all b + a e >= 0."""
-    total, size = 0.0, 0.0
-    for k in range(b.size):
-        if w[k] > 0.0:
-            total += w[k] * b[k]
-            size += w[k] * abs(b[k])
-    for i in range(a.shape[1]):
-        slope = 0.0
-        for k in range(b.size):
-            if w[k] > 0.0:
-                slope += w[k] * a[k, i]
-                size += w[k] * abs(a[k, i])
-        total += abs(slope)
-    return total < -ROUNDING * size

@@ -1,13 +1,9 @@
 r"""Compiled: what conditions on the controllers leave of a box of PI settings.
 
-The variables are k and k/tau_I of each controller, in which c(s) = k + (k/tau_I)/s is linear. A
-cut (`solver.optimality.cuts`) is then a condition  p <= q(variables)  with q quadratic and convex;
-over a box with centre and half widths r it implies the linear one
-
-    p <= q(centre) + q'(centre) d + sum_ij |q''_ij| r_i r_j / 2,      |d_i| <= r_i,
-
-exact up to the square of the width. The cuts of all points together, with the limits of tau_I,
-exclude the box if no d meets them all.
+The weighted sum of conditions P_k >= 0, w >= 0, is one again. If all its Bernstein coefficients
+over a box are negative, no settings in the box meet all of them. The weights are those that exclude
+the linear conditions above the P_k (`solver.optimality.infeasibility`); how they were found is of
+no matter to the proof.
 """
 
 import math
@@ -15,12 +11,11 @@ import math
 import numpy as np
 
 from solver.mu.workspace import compiled
-from solver.optimality.cuts import NEVER
-from solver.optimality.infeasibility import ROUNDING, excludes, least_weights
+from solver.optimality.enclosure import ROUNDING, least_length, linearise
+from solver.optimality.infeasibility import least_weights
 
-__all__ = ["demands", "in_settings", "narrow"]
+__all__ = ["demands", "narrow", "weighted"]
 
-MARGIN = 1e-13  # of the sum of the moduli in a cut, for rounding; see docs/optimality.md
 HALVINGS = 40
 LOWEST = -60.0  # s of no interest below
 
@@ -49,37 +44,15 @@ def _demand(s, at, max_peak, offset):
 
 
 @compiled
-def in_settings(beta, M, signs, points):
-    """Linear (k, m) and quadratic (k, m, m) coefficients of cuts in the variables of the box."""
-    m = 2 * signs.size
-    linear = np.empty((points.size, m))
-    quadratic = np.empty((points.size, m, m))
-    for k in range(points.size):
-        for i in range(m):
-            unit = signs[i // 2] * (1.0 + 0j if i % 2 == 0 else 1.0 / points[k])
-            linear[k, i] = 2.0 * (unit * beta[k, i // 2]).real
-            for j in range(m):
-                other = signs[j // 2] * (1.0 + 0j if j % 2 == 0 else 1.0 / points[k])
-                quadratic[k, i, j] = (np.conj(unit) * other * M[k, i // 2, j // 2]).real
-    return linear, quadratic
-
-
-@compiled
-def narrow(low, high, cut, p, points, reach, cone, weight, target, known):
+def narrow(low, high, cut, p, points, reach, signs, cone, weight, target, known):
     """Exclude a box, or tell what is possible in it.
 
     Parameters
     ----------
     low, high : (m,)
         The box, > 0; tightened in place to what each condition leaves.
-    cut : tuple
-        constant (k,), linear (k, m) and quadratic (k, m, m) of the cuts; several may stand for a
-        point.
-    p, points, reach : (k,)
-        The demand at the target, the point of each cut, and a bound of the norm of I + G C and
-        its derivative there for controllers of modulus 1.
-    cone : (rows, m)
-        Conditions cone v >= 0.
+    cut, p, points, reach, signs, cone
+        As in `linearise`, at the target.
     weight : tuple
         M, A of w_P.
     target, known : float
@@ -92,93 +65,92 @@ def narrow(low, high, cut, p, points, reach, cone, weight, target, known):
     s : float
         Lower bound of s over the box.
     e : (m,)
-        Where, in -1..1 of the box as it was, the conditions are met best.
-    hidden : (m,)
-        What the curvature in each variable adds to the conditions that matter.
-    room : float
-        By how much the conditions are met there, with the curvature added.
-    w : (k,)
-        Weights of the cuts.
+        Where, in -1..1 of the box as it was, the linear conditions are met best.
+    gain : (m,)
+        How much nearer to exclusion the halves are, the box being cut in each variable.
+    room : (k,)
+        By how much each point's conditions are met at `e`.
 
     """
-    m, count = low.size, points.size
+    m, several = low.size, cut[0].shape[1]
+    count = points.size * several
     a = np.empty((count + cone.shape[0], m))
     b = np.empty(count + cone.shape[0])
-    _linearise(low, high, cut, p, points, reach, cone, a, b)
+    bends = np.empty((count + cone.shape[0], 3**m))
+    linearise(low, high, cut, p, points, reach, signs, cone, a, b, bends)
     w, e = least_weights(a, b)
-    hidden = np.zeros(m)
-    if excludes(w, a, b):
-        return True, target, e, hidden, 0.0, w[:count]
-    s = _excluded_up_to(w, a, b, p, points, weight, target, known)
+    gain = np.zeros(m)
+    room = np.full(points.size, math.inf)
+    total = np.zeros(3**m)
+    rest = weighted(w, bends, total)
+    if rest < 0.0:
+        return True, target, e, gain, room
+    share = np.zeros(count)
     for k in range(count):
-        if w[k] > 0.0:
-            for i in range(m):
-                for j in range(m):
-                    widths = (high[i] - low[i]) * (high[j] - low[j])
-                    hidden[i] += 0.25 * w[k] / p[k] * abs(cut[2][k, i, j]) * widths
-    room = math.inf
-    for k in range(b.size):
         value = b[k]
         for i in range(m):
             value += a[k, i] * e[i]
-        room = min(room, value)
-    excluded = not _tighten(low, high, w, a, b)
-    return excluded, target if excluded else s, e, hidden, room, w[:count]
+        at, turn = k // several, k % several
+        room[at] = min(room[at], value)
+        if w[k] > 0.0:
+            norm, sizes = cut[1][at, turn], cut[2][at, turn]
+            share[k] = w[k] * least_length(low, high, points[at], norm, sizes, signs)
+    s = _excluded_up_to(rest, p, points, share, weight, target, known)
+    _gains(total, low, high, gain)
+    excluded = not _tighten(low, high, total, bends)
+    return excluded, target if excluded else s, e, gain, room
 
 
 @compiled
-def _linearise(low, high, cut, p, points, reach, cone, a, b):
-    """Fill in the linear conditions b + a e >= 0 over the box, relative to the demand."""
-    constant, linear, quadratic = cut
-    m, count = low.size, points.size
-    for k in range(count):
-        value, size = constant[k] * (1.0 - p[k]), 1.0
-        for i in range(0, m, 2):
-            size += (high[i] + high[i + 1] / abs(points[k])) * reach[k]
-        for i in range(m):
-            middle, half = 0.5 * (low[i] + high[i]), 0.5 * (high[i] - low[i])
-            value += linear[k, i] * middle
-            slope = linear[k, i]
-            for j in range(m):
-                other = 0.5 * (low[j] + high[j])
-                value += quadratic[k, i, j] * middle * other
-                value += abs(quadratic[k, i, j]) * half * 0.5 * (high[j] - low[j])
-                slope += 2.0 * quadratic[k, i, j] * other
-            a[k, i] = slope * half / p[k]
-        b[k] = NEVER if constant[k] >= NEVER else (value + MARGIN * size * size) / p[k]
-    for row in range(cone.shape[0]):
-        value, norm = 0.0, 0.0
-        for i in range(m):
-            value += cone[row, i] * 0.5 * (low[i] + high[i])
-            norm += abs(cone[row, i]) * 0.5 * (low[i] + high[i])
-        for i in range(m):
-            a[count + row, i] = cone[row, i] * 0.5 * (high[i] - low[i]) / norm
-        b[count + row] = value / norm + MARGIN
+def weighted(w, bends, total):
+    """Fill in the weighted sum of conditions; returns its greatest coefficient, rounded up."""
+    size = 0.0
+    total[:] = 0.0
+    for k in range(w.size):
+        if w[k] > 0.0:
+            largest = 0.0
+            for at in range(total.size):
+                total[at] += w[k] * bends[k, at]
+                largest = max(largest, abs(bends[k, at]))
+            size += w[k] * largest
+    return total.max() + ROUNDING * size
 
 
 @compiled
-def _excluded_up_to(w, a, b, p, points, weight, target, known):
+def _gains(total, low, high, gain):
+    """How much less the greatest coefficient is in the halves of each variable, on average."""
+    m = gain.size
+    most = total.max()
+    for i in range(m):
+        step = 3 ** (m - 1 - i)
+        t = 1.0 / (1.0 + math.sqrt(high[i] / low[i]))  # of the geometric middle
+        below, above = -math.inf, -math.inf
+        for at in range(total.size):
+            if at // step % 3 == 0:
+                first, second, third = total[at], total[at + step], total[at + 2 * step]
+                left = first + t * (second - first)
+                right = second + t * (third - second)
+                middle = left + t * (right - left)
+                below = max(below, first, left, middle)
+                above = max(above, middle, right, third)
+        gain[i] = most - 0.5 * (below + above)
+
+
+@compiled
+def _excluded_up_to(rest, p, points, share, weight, target, known):
     """Greatest s up to `target` that the weights exclude from the box, at least `known`.
 
-    Only the demand depends on s: what a condition lacks is w (p(s)/p - 1) more.
+    Only the demand depends on s: what a condition lacks is share (p(s)/p - 1) more.
     """
-    rest = 0.0
-    for k in range(b.size):
-        rest += w[k] * (b[k] + ROUNDING * abs(b[k]))
-    for i in range(a.shape[1]):
-        slope, sizes = 0.0, 0.0
-        for k in range(b.size):
-            slope += w[k] * a[k, i]
-            sizes += w[k] * abs(a[k, i])
-        rest += abs(slope) + ROUNDING * sizes
     lowest, highest = max(known, LOWEST), target
     for turn in range(HALVINGS):
         middle = lowest if turn == 0 else 0.5 * (lowest + highest)
         value = rest
-        for k in range(points.size):
-            if w[k] > 0.0:
-                share = _demand(middle, points[k], weight[0], weight[1]) / p[k]
-                value += w[k] * (1.0 - share * (1.0 - ROUNDING))
+        for k in range(share.size):
+            if share[k] > 0.0:
+                point = k // (share.size // points.size)
+                more = _demand(middle, points[point], weight[0], weight[1]) / p[point]
+                value += share[k] * (1.0 - more * (1.0 - ROUNDING))
         if value < 0.0:
             lowest = middle
         elif turn == 0:
@@ -189,33 +161,46 @@ def _excluded_up_to(w, a, b, p, points, weight, target, known):
 
 
 @compiled
-def _tighten(low, high, w, a, b):
+def _tighten(low, high, total, bends):
     """Shrink the box to what each condition, and their weighted sum, leaves; False if nothing."""
-    count, m = a.shape
-    middle, half = 0.5 * (low + high), 0.5 * (high - low)
-    row = np.empty(m)
-    for k in range(count + 1):
-        base = size = 0.0
-        row[:] = 0.0
-        for other in range(k if k < count else 0, k + 1 if k < count else count):
-            share = 1.0 if k < count else w[other]
-            if share > 0.0:
-                base += share * b[other]
-                size += share * abs(b[other])
-                for i in range(m):
-                    row[i] += share * a[other, i]
-                    size += share * abs(a[other, i])
-        reach = base + ROUNDING * size
+    m = low.size
+    start, width = low.copy(), high - low
+    most = np.empty(3)
+    for k in range(bends.shape[0] + 1):
+        row = bends[k] if k < bends.shape[0] else total
+        size = 0.0
+        for at in range(row.size):
+            size = max(size, abs(row[at]))
         for i in range(m):
-            reach += abs(row[i])
-        for i in range(m):
-            # reach - |row_i| + row_i e_i >= 0
-            if reach < 2.0 * abs(row[i]):
-                edge = (abs(row[i]) - reach) / abs(row[i]) - ROUNDING
-                if row[i] > 0.0:
-                    low[i] = max(low[i], middle[i] + half[i] * edge - ROUNDING * high[i])
-                else:
-                    high[i] = min(high[i], middle[i] - half[i] * edge + ROUNDING * high[i])
-                if not low[i] <= high[i]:
-                    return False
+            step = 3 ** (m - 1 - i)
+            most[:] = -math.inf
+            for at in range(row.size):
+                place = at // step % 3
+                most[place] = max(most[place], row[at])
+            for place in range(3):
+                most[place] += ROUNDING * size
+            low[i] = max(low[i], start[i] + width[i] * _negative(most) - ROUNDING * high[i])
+            most[:] = most[::-1].copy()
+            left = 1.0 - _negative(most)
+            high[i] = min(high[i], start[i] + width[i] * left + ROUNDING * high[i])
+            if not low[i] <= high[i]:
+                return False
     return True
+
+
+@compiled
+def _negative(bends):
+    """Return a t for which the quadratic with these coefficients is negative on [0, t]."""
+    first, second, third = bends[0], bends[1], bends[2]
+    if not first < 0.0:
+        return 0.0
+    if second < 0.0 and third < 0.0:
+        return 1.0
+    half = first - second
+    root = half * half - first * (first - 2.0 * second + third)
+    if not root >= 0.0:
+        return 0.0
+    t = (1.0 - ROUNDING) * first / (half - math.sqrt(root))
+    left = first + t * (second - first)
+    right = second + t * (third - second)
+    return t if 0.0 < t < 1.0 and left < 0.0 and left + t * (right - left) < 0.0 else 0.0
