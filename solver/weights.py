@@ -115,7 +115,7 @@ class Performance:
             message = "the permitted offset must lie in 0..1, 1 excluded"
             raise InvalidInputError(message, "/offset")
         if self.tau_p is not None and not 0 < self.tau_p <= LARGEST:
-            message = "tau_p must be positive"
+            message = f"tau_p must be positive and at most {LARGEST:g}"
             raise InvalidInputError(message, "/tau_p")
         refuse_vanishing(self.offset / self.max_peak, "/offset")
         if self.tau_p is not None:

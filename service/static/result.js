@@ -48,7 +48,16 @@ function headline({ result, request: { performance } }) {
   return h("section", { class: `card hero${met ? "" : " missed"}` },
     h("p", {}, h("strong", { class: "big" }, number(value)), " ", unit),
     h("p", {}, what, " for every plant within the uncertainty."),
-    result.comparison && gain(result), result.peaks && peaks(result.peaks));
+    result.comparison && gain(result), result.optimality && limit(result.optimality),
+    result.peaks && peaks(result.peaks), result.integrity && help(sentence(result.integrity)));
+}
+
+/** How much better any settings can be. @param {any} proof */
+function limit({ lower_bound: least, gap, status }) {
+  if (!least) return help("How far from the best possible one: nothing was proven in the time.");
+  return h("p", {}, h("strong", {}, `Proven${status === "reached" ? "" : " in the time"}:`),
+    ` no settings within the bounds go below ${number(least)} ${timeUnit()},`,
+    ` ${number(100 * gap, 3)} % less than here.`);
 }
 
 /** What asymmetry buys. @param {any} result */

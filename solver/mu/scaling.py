@@ -212,6 +212,18 @@ def _solve_from(factors, b_small, y, trial, nu, ws):
 @inner
 def _sensitivity(G, c, channels, lo, size, E, S, SG):
     """det(I + G C), and S = (I + G C)^-1 and S G of the block whose first row is `lo`."""
+    if size == 2:
+        c1, c2 = c[channels[lo]], c[channels[lo + 1]]
+        g11, g12, g21, g22 = G[lo, 0], G[lo, 1], G[lo + 1, 0], G[lo + 1, 1]
+        e11, e12, e21, e22 = 1.0 + g11 * c1, g12 * c2, g21 * c1, 1.0 + g22 * c2
+        det = e11 * e22 - e12 * e21
+        over = 1.0 / det
+        S[lo, 0], S[lo, 1] = e22 * over, -e12 * over
+        S[lo + 1, 0], S[lo + 1, 1] = -e21 * over, e11 * over
+        strength = g11 * g22 - g12 * g21
+        SG[lo, 0], SG[lo, 1] = (g11 + c2 * strength) * over, g12 * over
+        SG[lo + 1, 0], SG[lo + 1, 1] = g21 * over, (g22 + c1 * strength) * over
+        return det
     det = 1.0 + 0j
     for i in range(size):
         for j in range(size):

@@ -28,6 +28,8 @@ def tuned(service: Service) -> tuple[str, str]:
     ids = []
     for arrangement in ("identical", "independent"):
         request = {**EXAMPLE, "controller": {"kind": "PI", "arrangement": arrangement}}
+        if arrangement == "identical":
+            request["search"] = {"optimality_gap": True}
         job = httpx.post(
             f"{service.url}/v1/tunings",
             json=request,
@@ -63,6 +65,15 @@ def test_a_link_opens_a_result_with_its_unit(watched: Watched, tuned: tuple[str,
     expect(watched.page.get_by_role("button", name="Link copied")).to_be_visible()
     copied = watched.page.evaluate("navigator.clipboard.readText()")
     assert copied == f"{watched.url}/#/tunings/{tuned[1]}?unit=weeks"
+
+
+def test_how_far_from_the_best_possible(watched: Watched, tuned: tuple[str, str]) -> None:
+    """A proof of optimality that was asked for stands beside the result, and integrity too."""
+    watched.go(f"#/tunings/{tuned[0]}?unit=s")
+    hero = watched.page.locator(".hero")
+    expect(hero).to_contain_text("Proven: no settings within the bounds go below 25.7")
+    expect(hero).to_contain_text("Loops out of service")
+    watched.inspect("optimality")
 
 
 def test_what_a_demand_costs(watched: Watched, tuned: tuple[str, str]) -> None:

@@ -6,10 +6,14 @@ from pathlib import Path
 import dask
 import httpx
 import pytest
+import structlog
 from serving import served
 
 from service.app import create_app
 from service.settings import Settings
+
+# Requests that end late would print their line into the output of a later test.
+structlog.configure(logger_factory=structlog.ReturnLoggerFactory())
 
 
 @pytest.fixture(scope="session")
