@@ -33,7 +33,7 @@ def solve(cols, rest, p, b, all_free, nu, A, mixed):
         Whether the level scales all of N or its performance rows only.
     nu : float
         Barrier parameter: where the blocks meet, the scale is that of the barrier, so that the
-        distances of the blocks from the level tell their shares of the dual.
+        distances of the blocks from the level tell their shares of the dual. 0: the best scale.
     A, mixed : (blocks,)
         Filled in, in the scaling of `solver.mu.kernel.sensitivities`.
 
@@ -72,11 +72,12 @@ def solve(cols, rest, p, b, all_free, nu, A, mixed):
             fall_1 = alpha_1 / (alpha_1 + beta_1 * x)
             fall_2 = alpha_2 / (alpha_2 + beta_2 * x)
             share = min(max((rise - fall_2) / (fall_1 - fall_2), 0.0), 1.0)
-            apart = nu * (1.0 / (1.0 - share) - 1.0 / share) / (fall_2 - fall_1)
-            if not all_free:
-                apart *= b * level / Q
-            x = min(max(x * math.exp(apart), min(x_1, x_2)), max(x_1, x_2))
-            level = _level(x, alpha_1, beta_1, alpha_2, beta_2, p, b, all_free)
+            if nu > 0.0:
+                apart = nu * (1.0 / (1.0 - share) - 1.0 / share) / (fall_2 - fall_1)
+                if not all_free:
+                    apart *= b * level / Q
+                x = min(max(x * math.exp(apart), min(x_1, x_2)), max(x_1, x_2))
+                level = _level(x, alpha_1, beta_1, alpha_2, beta_2, p, b, all_free)
     if not level > 0.0:
         return -math.inf, 1.0, 1.0
     Q = (p * x + b) * level if all_free else p * x + b * level

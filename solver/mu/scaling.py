@@ -165,7 +165,8 @@ def _sweep(G, c, u, b, layout, all_free, nu, cold, y, scratch, ws, t, slope, det
             b_rows[i] = b[k]
             b_small[i] = 1e-6 * b[k]
         if closed_form:
-            t[k], x[0], total = one_scale.solve(cols, S, p[0], b[k], all_free, nu, A, mixed)
+            barrier = nu if nu > FINE else 0.0
+            t[k], x[0], total = one_scale.solve(cols, S, p[0], b[k], all_free, barrier, A, mixed)
             y[k, 0] = math.log(x[0])
         else:
             factors = (cols, S, p, b_rows, scales, scales, first, first, all_free)

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 FORBIDDEN = -50.0  # stands for a level of minus infinity where a curve is refined
 BESIDE = 0.1  # log omega within which a peak is followed
-AROUND = (BESIDE * np.array([-1, -0.3, 0, 0.3, 1]), BESIDE * np.array([-0.1, 0, 0.1]))
+AROUND = (BESIDE * np.array([-1, -0.3, 0, 0.3, 1]), BESIDE * np.array([-0.03, 0, 0.03]))
 
 __all__ = ["BESIDE", "PENALTY", "Evaluation", "Goal", "LoopObjective", "MuGoal", "TauGoal"]
 
