@@ -159,7 +159,9 @@ class Optimum(ResultModel):
     """A distinct local optimum; permuted copies count as one."""
 
     value: float | None = Field(description="Value of the objective.", examples=[18.446])
-    count: int = Field(description="Starts that ended there.", examples=[9])
+    count: int = Field(
+        description="Starts that ended there; 0 where another optimum led to it.", examples=[9]
+    )
     loops: list[LoopOfUnits] = Field(
         description="Its distinct settings, with the number of units that have them.",
         examples=[[{"gain": 47.65, "integral_time": 101.2, "derivative_time": None, "units": 1}]],

@@ -50,6 +50,7 @@ POLISHED = 3  # optima whose exact values are found
 FIRST_ZOOMS = 2  # rounds of zooming before a peak is followed
 EXACT_ROUNDS = 10
 ENOUGH_ROOM = -0.02  # log mu^2 at which the first phase ends
+HOP = 1.0  # in log time
 GAIN_STEP = 0.3  # an unstable start is tried again with this share of its gains
 GAIN_STEPS = 12
 
@@ -198,6 +199,21 @@ class GroupingSearch:
         if not math.isfinite(here.value):
             return
         self._remember(here, count)
+
+    def hop(self) -> None:
+        """Descend from beside the best optimum, until none better is found.
+
+        Optima lie in rows, one integral or derivative time after the other shorter than the last
+        (monotonic basin hopping, Leary 2000).
+        """
+        times = np.flatnonzero(np.arange(self.box.low.size) % self.objective.per_controller)
+        moves = [step * np.eye(self.box.low.size)[i] for i in times for step in (-HOP, HOP)]
+        left = list(moves)
+        while left and self.optima:
+            best = self.optima[0]
+            self.descend(self.box.clip(best.theta + left.pop()), count=0)
+            if self.optima[0].value < best.value - ROUGH:
+                left = list(moves)
 
     def polish(self) -> list[Candidate]:
         """Replace the best optima of the grid by exact ones, and return those.

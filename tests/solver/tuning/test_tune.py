@@ -62,6 +62,15 @@ def test_the_same_seed_gives_the_same_digits(independent):
     assert again.tau_p == independent.tau_p
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_optima_in_a_row_are_walked_along(seed):
+    """SLH, tau = 100, a = 0.827 has seven optima, one integral time after the other shorter; four
+    starts are enough for the last of them.
+    """
+    result = run(first_order(2, 1, 100, 0.827), Arrangement.INDEPENDENT, starts=4, seed=seed)
+    assert result.tau_p == pytest.approx(7.574334, rel=1e-6)
+
+
 def test_asymmetry_is_kept_only_where_it_pays():
     """'best' keeps identical settings where nothing gains 1 per cent (SLH, tau = 10)."""
     result = run(first_order(2, 1, 10, 0.3), Arrangement.BEST)
