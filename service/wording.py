@@ -58,7 +58,7 @@ def optimality_text(proof: Optimality | None) -> str | None:
         return "How far from the least possible τP: nothing was proven in the time."
     ended = "" if proof.status == "reached" else " in the time"
     return (
-        f"Proven{ended}: no settings within the bounds reach a τP below "
+        f"Proven{ended}: no settings in such groups and within the bounds reach a τP below "
         f"{number(proof.lower_bound)}, {100 * (proof.gap or 0):.3g} % less than here."
     )
 

@@ -56,7 +56,7 @@ function headline({ result, request: { performance } }) {
 function limit({ lower_bound: least, gap, status }) {
   if (!least) return help("How far from the best possible one: nothing was proven in the time.");
   return h("p", {}, h("strong", {}, `Proven${status === "reached" ? "" : " in the time"}:`),
-    ` no settings within the bounds go below ${number(least)} ${timeUnit()},`,
+    ` no settings in such groups and within the bounds go below ${number(least)} ${timeUnit()},`,
     ` ${number(100 * gap, 3)} % less than here.`);
 }
 

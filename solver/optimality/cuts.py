@@ -34,6 +34,7 @@ __all__ = ["NU", "cuts"]
 
 NU = 1e-5  # barrier parameter: a cut is that much less sharp than the best scales
 SHORT = 1.0 - 1e-12  # h and q stay shorter than 1 whatever the rounding
+LEAST = 1e-250  # squared lengths below this have lost digits
 
 
 @compiled
@@ -91,6 +92,8 @@ def _directions(c, G, u, p, layout, x, Z, V):
     barrier: sum over all levels l_i of the pencil 1/(l_i/l - 1) = 1/nu.
     """
     channels, scales, first = layout
+    if not (x.min() > LEAST and x.max() < 1.0 / LEAST):
+        return False
     lowest = math.inf
     levels = np.empty(channels.size)
     A = np.empty((channels.size, 2), np.complex128)
@@ -112,6 +115,8 @@ def _directions(c, G, u, p, layout, x, Z, V):
             y2 = 1.0 + square(g21) / x1 + square(g22) / x2
             y12 = g11 * np.conj(g21) / x1 + g12 * np.conj(g22) / x2
             det = y1 * y2 - square(y12)
+            if not det > 0.0:  # lost to rounding: scales and directions too far apart
+                return False
             e11, e12, e21, e22 = 1.0 + g11 * c1, g12 * c2, g21 * c1, 1.0 + g22 * c2
             F[lo, 0] = (y2 * e11 - y12 * e21) / det
             F[lo, 1] = (y2 * e12 - y12 * e22) / det
@@ -165,7 +170,7 @@ def _normalise(c, layout, Z, V, Q):
     total = 0.0
     for r in range(channels.size):
         total += square(Z[r, 0]) + square(Z[r, 1])
-    if not 0.0 < total < math.inf:
+    if not LEAST < total < math.inf:
         return False
     for r in range(channels.size):
         for j in range(2):
@@ -178,7 +183,7 @@ def _normalise(c, layout, Z, V, Q):
             if scales[r] == s:
                 length += square(V[r, 0]) + square(V[r, 1])
                 needed += square(Q[r, 0]) + square(Q[r, 1])
-        usable = 0.0 < length < math.inf and 0.0 < needed < math.inf
+        usable = LEAST < length < math.inf and LEAST < needed < math.inf
         for r in range(channels.size):
             if scales[r] == s:
                 for j in range(2):

@@ -78,6 +78,8 @@ def linearise(low, high, cut, p, points, reach, signs, cone, a, b, bends):
             for i in range(bends.shape[1]):
                 bends[k, i] = (bends[k, i] + margin) / unit
             b[k] = _slopes(bends[k], places, a[k])
+            if not abs(b[k]) < NEVER:
+                a[k], b[k], bends[k] = 0.0, NEVER, NEVER
     for row in range(cone.shape[0]):
         value, norms = 0.0, 0.0
         for i in range(m):

@@ -79,7 +79,7 @@ def narrow(low, high, cut, p, points, reach, signs, cone, weight, target, known)
     w, e = least_weights(a, b)
     room = np.full(points.size, math.inf)
     total = np.zeros(3**m)
-    rest = weighted(w, bends, total)
+    rest, rounding = weighted(w, bends, total)
     if rest < 0.0:
         return True, target, e, room
     share = np.zeros(count)
@@ -93,13 +93,16 @@ def narrow(low, high, cut, p, points, reach, signs, cone, weight, target, known)
             norm, sizes = cut[1][at, turn], cut[2][at, turn]
             share[k] = w[k] * least_length(low, high, points[at], norm, sizes, signs)
     s = _excluded_up_to(rest, p, points, share, weight, target, known)
-    excluded = not _tighten(low, high, total, bends)
+    excluded = not _tighten(low, high, total, rounding, bends)
     return excluded, target if excluded else s, e, room
 
 
 @compiled
 def weighted(w, bends, total):
-    """Fill in the weighted sum of conditions; returns its greatest coefficient, rounded up."""
+    """Fill in the weighted sum of conditions; returns its greatest coefficient, rounded up.
+
+    Also by how much it was.
+    """
     size = 0.0
     total[:] = 0.0
     for k in range(w.size):
@@ -109,7 +112,7 @@ def weighted(w, bends, total):
                 total[at] += w[k] * bends[k, at]
                 largest = max(largest, abs(bends[k, at]))
             size += w[k] * largest
-    return total.max() + ROUNDING * size
+    return total.max() + ROUNDING * size, ROUNDING * size
 
 
 @compiled
@@ -137,16 +140,19 @@ def _excluded_up_to(rest, p, points, share, weight, target, known):
 
 
 @compiled
-def _tighten(low, high, total, bends):
-    """Shrink the box to what each condition, and their weighted sum, leaves; False if nothing."""
+def _tighten(low, high, total, rounding, bends):
+    """Shrink the box to what each condition, and their weighted sum, leaves; False if nothing.
+
+    The sum may err by `rounding`.
+    """
     m = low.size
     start, width = low.copy(), high - low
     most = np.empty(3)
     for k in range(bends.shape[0] + 1):
         row = bends[k] if k < bends.shape[0] else total
-        size = 0.0
-        for at in range(row.size):
-            size = max(size, abs(row[at]))
+        error = rounding
+        if k < bends.shape[0]:
+            error = ROUNDING * np.abs(row).max()
         for i in range(m):
             step = 3 ** (m - 1 - i)
             most[:] = -math.inf
@@ -154,7 +160,7 @@ def _tighten(low, high, total, bends):
                 place = at // step % 3
                 most[place] = max(most[place], row[at])
             for place in range(3):
-                most[place] += ROUNDING * size
+                most[place] += error
             low[i] = max(low[i], start[i] + width[i] * _negative(most) - ROUNDING * high[i])
             most[:] = most[::-1].copy()
             left = 1.0 - _negative(most)

@@ -13,7 +13,7 @@ from solver.optimality import LowerBound, Proof
 from solver.plants import ParallelPlant, first_order
 from solver.results import Status
 from solver.transfer_function import TransferFunction
-from solver.tuning import Arrangement, ControllerKind, Objective, Specification, tune
+from solver.tuning import Arrangement, Bounds, ControllerKind, Objective, Specification, tune
 from solver.tuning.groupings import groupings
 from solver.tuning.search import GroupingSearch
 from solver.weights import Performance, Structure, Uncertainty
@@ -178,3 +178,17 @@ def test_what_is_not_covered_is_refused_by_name(refused):
     with pytest.raises(InvalidInputError) as error:
         task(**{"plant": SLH, "optimality_gap": True, **refused})
     assert error.value.field == "/search/optimality_gap"
+
+
+def test_the_widest_bounds_are_stopped_not_lost():
+    """With gains of 1e-9 to 1e9 some points lose all digits: they say nothing, and all goes on."""
+    bounds = Bounds(gain=(1e-9, 1e9), integral_time=(1e-9, 1e9))
+    result = tune(
+        Specification(
+            first_order(2, 1, 10, 0.949, 1), Uncertainty.from_error(0.1, 0), Performance(),
+            arrangement=Arrangement.INDEPENDENT, bounds=bounds, starts=2, optimality_gap=True,
+            time_limit=3,
+        )
+    )  # fmt: skip
+    assert result.loops
+    assert result.optimality is None or 0 <= result.optimality.lower_bound <= result.tau_p

@@ -156,7 +156,7 @@ def test_no_settings_in_a_box_are_better_than_its_bound(objective, at, within, w
 def excludes(w, a, b):
     """Whether the weighted sum of conditions b + a e >= 0 is negative over the box of e."""
     places = np.array(list(product((-1, 0, 1), repeat=a.shape[1])))
-    return weighted(w, b[:, None] + a @ places.T, np.empty(len(places))) < 0
+    return weighted(w, b[:, None] + a @ places.T, np.empty(len(places)))[0] < 0
 
 
 def test_conditions_with_a_common_point_are_never_excluded():
