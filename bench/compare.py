@@ -115,7 +115,7 @@ def tunings(sweep_seconds):
             plant, USUAL, Performance(), kind=kind, arrangement=arrangement, group_sizes=sizes
         )
         result = tune(task)
-        seconds = median_time(lambda task=task: tune(task), 1)
+        seconds = median_time(lambda task=task: tune(task), 5)
         rows.append({"case": name, "tau_p": result.tau_p, "seconds": seconds,
                      "sweeps": seconds / sweep_seconds})  # fmt: skip
     return rows
@@ -193,7 +193,8 @@ def peers(best, seconds, limit):
 
 def process(code):
     """Seconds and peak memory (MB) of a fresh interpreter that runs `code`."""
-    script = f"{code}\nimport resource\nprint(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)"
+    # The system counts the parent's memory in a child's ru_maxrss; VmHWM begins at the exec.
+    script = f"{code}\nprint(open('/proc/self/status').read().split('VmHWM:')[1].split()[0])"
     start = time.perf_counter()
     done = subprocess.run(
         [sys.executable, "-c", script], capture_output=True, text=True, check=True
