@@ -37,6 +37,7 @@ __all__ = ["Candidate", "GroupingSearch", "Optimum"]
 
 POINTS_PER_DECADE = 11
 STARTS_PER_PARAMETER = 3
+STARTS_BEFORE_HOPS = 2  # a parameter, where the search goes on from the best optimum
 SAME_VALUE = 5e-3  # difference of s below which two optima may be one
 SAME_PLACE = 0.05  # and of the log parameters
 FLAT = 1e-4  # difference of s between optima that are one to the count of optima
@@ -143,7 +144,8 @@ class GroupingSearch:
     @property
     def default_starts(self) -> int:
         """Most starts when no number is asked for: the more parameters, the more optima."""
-        return max(4, STARTS_PER_PARAMETER * self.box.low.size)
+        each = STARTS_PER_PARAMETER if len(self.groups) == 1 else STARTS_BEFORE_HOPS
+        return each * self.box.low.size
 
     @property
     def settled(self) -> bool:
