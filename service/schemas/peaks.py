@@ -6,7 +6,7 @@ from pydantic import Field
 
 from service.schemas.fields import ResultModel
 
-__all__ = ["Curves", "Peak", "Peaks"]
+__all__ = ["PEAK_EXAMPLE", "Curves", "Peak", "Peaks"]
 
 
 class Peak(ResultModel):
@@ -20,20 +20,22 @@ class Peak(ResultModel):
     )
 
 
-_PEAK = {"value": 1.0, "omega": 0.0314}
+PEAK_EXAMPLE = {"value": 1.0, "omega": 0.0314}
 
 
 class Peaks(ResultModel):
     """Peaks of the three mu curves, refined between grid points."""
 
     robust_performance: Peak = Field(
-        description="Performance for every plant in the set: wanted at most 1.", examples=[_PEAK]
+        description="Performance for every plant in the set: wanted at most 1.",
+        examples=[PEAK_EXAMPLE],
     )
     robust_stability: Peak = Field(
-        description="Stability for every plant in the set: needed at most 1.", examples=[_PEAK]
+        description="Stability for every plant in the set: needed at most 1.",
+        examples=[PEAK_EXAMPLE],
     )
     nominal_performance: Peak = Field(
-        description="Performance of the nominal plant.", examples=[_PEAK]
+        description="Performance of the nominal plant.", examples=[PEAK_EXAMPLE]
     )
 
 

@@ -15,7 +15,7 @@ from service.schemas.encoding import encode
 from service.schemas.fields import Frequency, ResultModel
 from service.schemas.given_loops import EXAMPLE, GivenLoops
 from service.schemas.margins import LoopMargins
-from service.schemas.peaks import Curves, Peak, Peaks
+from service.schemas.peaks import PEAK_EXAMPLE, Curves, Peak, Peaks
 from service.schemas.worst_case import WorstCase
 from solver.controllers import Controller
 from solver.errors import InvalidInputError
@@ -89,9 +89,6 @@ class RobustnessRequest(GivenLoops):
         )
 
 
-_PEAK = {"value": 1.0, "omega": 0.0314}
-
-
 class RobustnessResult(ResultModel):
     """Robustness of given loops; peaks and curves are null where the loops are unstable."""
 
@@ -105,9 +102,9 @@ class RobustnessResult(ResultModel):
         description="Peaks of the three mu curves.",
         examples=[
             {
-                "robust_performance": _PEAK,
-                "robust_stability": _PEAK,
-                "nominal_performance": _PEAK,
+                "robust_performance": PEAK_EXAMPLE,
+                "robust_stability": PEAK_EXAMPLE,
+                "nominal_performance": PEAK_EXAMPLE,
             }
         ],
     )
@@ -123,7 +120,7 @@ class RobustnessResult(ResultModel):
         ],
     )
     lower_bound: Peak | None = Field(
-        description="Lower bound of the robust performance peak.", examples=[_PEAK]
+        description="Lower bound of the robust performance peak.", examples=[PEAK_EXAMPLE]
     )
     worst_case: WorstCase | None = Field(
         description="The perturbation that reaches the lower bound.", examples=[None]

@@ -47,8 +47,7 @@ def solve(cols, rest, p, b, all_free, nu, A, mixed):
         dh/dt.
 
     """
-    count = A.size
-    last = count - 1
+    last = A.size - 1
     alpha_1, beta_1 = square(cols[0, 0]), square(rest[0, 0])
     alpha_2, beta_2 = square(cols[last, 0]), square(rest[last, 0])
     if not all_free and not p * max(alpha_1, alpha_2) < 1.0:

@@ -161,12 +161,12 @@ class _Model:
         active = np.flatnonzero(room < NEAR_ACTIVE)
         base = room
         if trial is not None:
-            base = self._room(trial, here.s) - here.gradient @ (trial.theta - here.theta)
+            base = self._room(trial, here) - here.gradient @ (trial.theta - here.theta)
         planes = [(here.gradient, base, active)]
         for other in self.bundle:
             # Where the level is a minimum of smooth pieces, this is the piece on the other side. It
             # must not cut off the present point, as the tangent of a convex level would.
-            seen = self._room(other, here.s)
+            seen = self._room(other, here)
             there = seen + other.gradient @ (here.theta - other.theta)
             rows = active[seen[active] < NEAR_ACTIVE]
             planes.append((other.gradient, np.maximum(there, room), rows))
@@ -195,10 +195,12 @@ class _Model:
         promise = here.merit - here.s - float(x[size]) - PENALTY * float(x[size + 1])
         return _Step(np.asarray(x[:size]), promise, multipliers)
 
-    def _room(self, other: Evaluation, s: float) -> NDArray[np.float64]:
-        """Level of another point less the demand of s, (k,), at that point's frequencies."""
-        omega = np.concatenate([self.objective.omega, other.peaks])
-        return other.level - self.objective.goal.demand(s, omega)[0]
+    def _room(self, other: Evaluation, here: Evaluation) -> NDArray[np.float64]:
+        """Level of another point less the demand of `here`, (k,), at that point's frequencies."""
+        demand = here.demand.copy()
+        if other.peaks.size:  # the last frequencies, which move
+            demand[-other.peaks.size :] = self.objective.goal.demand(here.s, other.peaks)[0]
+        return other.level - demand
 
 
 def _corrected(

@@ -205,9 +205,11 @@ class GroupingSearch:
     def hop(self) -> None:
         """Descend from beside the best optimum, until none better is found.
 
-        Optima lie in rows, one integral or derivative time after the other shorter than the last
-        (monotonic basin hopping, Leary 2000).
+        Optima of unlike controllers lie in rows, one integral or derivative time after the other
+        shorter than the last (monotonic basin hopping, Leary 2000).
         """
+        if len(self.groups) == 1:
+            return
         times = np.flatnonzero(np.arange(self.box.low.size) % self.objective.per_controller)
         moves = [step * np.eye(self.box.low.size)[i] for i in times for step in (-HOP, HOP)]
         left = list(moves)

@@ -172,8 +172,7 @@ class _Run:
             search.descend(theta)
             self.clock.done += 1
             self._tick(math.inf)
-        if len(search.groups) > 1:
-            search.hop()
+        search.hop()
         best = self._exact_best(search)
         if best is not None and len(search.groups) == 1:
             self.identical, self.identical_search = best, search
