@@ -17,13 +17,13 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from solver.blocks import group_loops
 from solver.certificate import Claim, verify
-from solver.controllers import Controller
-from solver.mu.certificate import CertificateFailure, certify
-from solver.plants import MatrixPlant, first_order
-from solver.robustness import LoopAnalysis
-from solver.transfer_function import TransferFunction
+from solver.certificate.search import CertificateFailure, certify
+from solver.model.blocks import group_loops
+from solver.model.controllers import Controller
+from solver.model.plants import MatrixPlant, first_order
+from solver.model.transfer_function import TransferFunction
+from solver.robustness.analysis import LoopAnalysis
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from zoo import ZOO, Case

@@ -14,11 +14,11 @@ import numpy as np
 from cma import CMAEvolutionStrategy
 from seeds import USUAL, cases, tau_p
 
-from solver.plants import first_order
+from solver.model.plants import first_order
+from solver.model.weights import Performance
 from solver.tuning import Specification
 from solver.tuning.groupings import groupings
 from solver.tuning.search import GroupingSearch
-from solver.weights import Performance
 
 EVALUATIONS = 1000  # a parameter and run
 UNSTABLE = 1e3

@@ -20,16 +20,16 @@ from rich.console import Console
 from rich.table import Table
 from scipy.optimize import differential_evolution, minimize
 
-from solver.blocks import group_loops
-from solver.controllers import Controller
+from solver.model.blocks import group_loops
+from solver.model.controllers import Controller
+from solver.model.plants import first_order
+from solver.model.weights import Performance, Uncertainty
 from solver.mu import BlockStructure, sdp, upper_bound
 from solver.mu.kernel import FINE
 from solver.mu.scaling import sweep
-from solver.plants import first_order
-from solver.robustness import LoopAnalysis
-from solver.stability import is_stable
+from solver.robustness.analysis import LoopAnalysis
+from solver.stability.closed_loop import is_stable
 from solver.tuning import Arrangement, ControllerKind, Specification, tune
-from solver.weights import Performance, Uncertainty
 
 USUAL = Uncertainty.from_error(0.2, 1)
 OMEGA = np.geomspace(1e-4, 1e2, 61)
@@ -226,8 +226,8 @@ def main():
     bound_rows = bounds()
     tuning_rows = tunings()
     task = (
-        "from solver.plants import first_order; from solver.tuning import *\n"
-        "from solver.weights import *\n"
+        "from solver.model.plants import first_order; from solver.tuning import *\n"
+        "from solver.model.weights import *\n"
         "usual = Uncertainty.from_error(0.2, 1)\n"
         "tune(Specification(first_order(2, 1, 100, 0.949), usual, Performance()))"
     )

@@ -8,14 +8,14 @@ import sys
 import time
 from contextlib import suppress
 
-from solver.errors import Cancelled
-from solver.optimality import LowerBound
-from solver.plants import MatrixPlant, ParallelPlant, first_order
-from solver.transfer_function import TransferFunction
+from solver.model.errors import Cancelled
+from solver.model.plants import MatrixPlant, ParallelPlant, first_order
+from solver.model.transfer_function import TransferFunction
+from solver.model.weights import Performance, Structure, Uncertainty
+from solver.optimality.bound import LowerBound
 from solver.tuning import Arrangement, Specification, tune
 from solver.tuning.groupings import groupings
 from solver.tuning.search import GroupingSearch
-from solver.weights import Performance, Structure, Uncertainty
 
 USUAL = Uncertainty.from_error(0.2, 1)
 INTEGRATING = ParallelPlant(2, TransferFunction((1,), (1, 0)), TransferFunction((0.5,), (1, 0)))
@@ -56,7 +56,7 @@ def measure(name, plant, limit, arrangement, sizes=None, uncertainty=USUAL):
         if time.process_time() - started > limit:
             raise Cancelled
 
-    bound = LowerBound(search.objective, search.box, peaks=peaks, tau_p=tau_p)
+    bound = LowerBound(search.problem, peaks=peaks, tau_p=tau_p)
     with suppress(Cancelled):
         bound.run(checkpoint)
     proof = bound.result()

@@ -10,9 +10,9 @@ import time
 
 import numpy as np
 
-from solver.plants import first_order
+from solver.model.plants import first_order
+from solver.model.weights import Performance, Uncertainty
 from solver.tuning import Arrangement, ControllerKind, Specification, tune
-from solver.weights import Performance, Uncertainty
 
 USUAL = Uncertainty.from_error(0.2, 1)
 MISSED = 1.001

@@ -26,9 +26,9 @@ from typing import Any
 
 import httpx
 
-from solver.plants import first_order
+from solver.model.plants import first_order
+from solver.model.weights import Performance, Uncertainty
 from solver.tuning import Arrangement, Specification, tune
-from solver.weights import Performance, Uncertainty
 
 MUTUNE = Path(sys.executable).with_name("mutune")
 PLANT = {"kind": "first_order", "n": 2, "gain": 1, "time_constant": 100, "interaction": 0.949}

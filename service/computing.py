@@ -38,7 +38,7 @@ __all__ = [
 
 def robustness(request: RobustnessRequest) -> dict[str, Any]:
     """Return the robustness of the request's loops."""
-    from solver.robustness import analyse
+    from solver.robustness.analysis import analyse
 
     task = request.build()
     return robustness_to_json(
@@ -55,7 +55,7 @@ def robustness(request: RobustnessRequest) -> dict[str, Any]:
 
 def integrity(request: IntegrityRequest) -> dict[str, Any]:
     """Return the integrity of the request's loops."""
-    from solver.integrity import integrity
+    from solver.robustness.integrity import integrity
 
     task = request.build()
     return integrity_to_json(integrity(task.plant, task.uncertainty, task.performance, task.loops))

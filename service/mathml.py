@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from markupsafe import Markup
 
-from solver.transfer_function import TransferFunction
+from solver.model.transfer_function import TransferFunction
 
 __all__ = ["transfer_function"]
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from pydantic import BaseModel, Field
 
 from service.schemas.parsing import Fault, RequestError
-from solver.errors import InvalidInputError, UnsupportedPlantError
+from solver.model.errors import InvalidInputError, UnsupportedPlantError
 
 __all__ = [
     "KINDS",

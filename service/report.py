@@ -25,8 +25,8 @@ from service.rendering import digits, render, source
 from service.schemas import canonical
 from service.tuned import Tuned
 from service.wording import OBJECTIVES, forms, headline, optimality_text, peak_rows
-from solver.margins import Margins, loop_margins
-from solver.plants import MatrixPlant
+from solver.model.plants import MatrixPlant
+from solver.robustness.margins import Margins, loop_margins
 
 __all__ = ["POLICY", "report_html"]
 

@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from service.schemas.drawn import DrawnStepResponse, DrawnUnits
 from service.tuned import Setting, Tuned
-from solver.controllers import Controller
-from solver.errors import InvalidInputError
-from solver.plants import Plant
+from solver.model.controllers import Controller
+from solver.model.errors import InvalidInputError
+from solver.model.plants import Plant
+from solver.model.subsystems import subsystem
 from solver.simulation import (
     Experiment,
     Loop,
@@ -27,8 +28,7 @@ from solver.simulation import (
 )
 from solver.simulation.actuators import Actuators
 from solver.simulation.worst_actuators import worst_actuators
-from solver.stability import is_stable
-from solver.subsystems import subsystem
+from solver.stability.closed_loop import is_stable
 
 __all__ = ["Case", "alone", "together"]
 

@@ -9,7 +9,7 @@ import solver.tuning
 from service.schemas import TuningRequest, parse
 from service.schemas.trade_off import Parameter, TradeOff, TradeOffPoint
 from service.tuned import Tuned
-from solver.results import Progress
+from solver.tuning.record import Progress
 
 __all__ = ["sweep"]
 

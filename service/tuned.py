@@ -11,11 +11,11 @@ from functools import cached_property
 
 from service.schemas import TuningRequest, TuningResult, parse, tuning_to_json
 from service.wording import TIME_UNIT, loops_text
-from solver.controllers import Controller
-from solver.plants import Plant
-from solver.results import Tuning
+from solver.model.controllers import Controller
+from solver.model.plants import Plant
+from solver.model.weights import Performance, Uncertainty
+from solver.tuning.record import Tuning
 from solver.tuning.specification import Specification
-from solver.weights import Performance, Uncertainty
 
 __all__ = ["Setting", "Tuned"]
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from service.schemas.peaks import Peaks
 from service.schemas.tunings import Optimality, TuningResult
-from solver.controllers import Controller
-from solver.errors import InvalidInputError
+from solver.model.controllers import Controller
+from solver.model.errors import InvalidInputError
 
 __all__ = [
     "OBJECTIVES",

@@ -5,9 +5,9 @@ The compiled code is kept beside the modules, so that later processes start with
 
 from __future__ import annotations
 
-from solver.plants import first_order
+from solver.model.plants import first_order
+from solver.model.weights import Performance, Uncertainty
 from solver.tuning import Arrangement, Specification, tune
-from solver.weights import Performance, Uncertainty
 
 __all__ = ["warm"]
 

@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 from hypothesis import strategies as st
 
-from solver.controllers import Controller
-from solver.plants import MatrixPlant, ParallelPlant, Plant, first_order
-from solver.transfer_function import TransferFunction
-from solver.weights import Performance, Structure, Uncertainty
+from solver.model.controllers import Controller
+from solver.model.plants import MatrixPlant, ParallelPlant, Plant, first_order
+from solver.model.transfer_function import TransferFunction
+from solver.model.weights import Performance, Structure, Uncertainty
 
 __all__ = ["COLUMN", "SLH", "ZOO", "Case", "interactions"]
 

@@ -20,7 +20,7 @@ from service.schemas.integrity import (
 )
 from service.schemas.peaks import Peak
 from service.wording import number, units_text
-from solver.integrity import integrity
+from solver.robustness.integrity import integrity
 
 __all__ = ["analyse_file"]
 

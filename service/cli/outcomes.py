@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import ParamSpec
 
 from service.schemas import Fault, RequestError, TuningResult
-from solver.errors import InvalidInputError
+from solver.model.errors import InvalidInputError
 
 __all__ = ["ExitCode", "exit_code_of", "read_input", "reported", "say"]
 

@@ -14,7 +14,7 @@ from service.schemas import TuningResult
 from service.schemas.peaks import Peaks
 from service.schemas.tunings import SearchSummary
 from service.wording import forms, number, optimality_text, units_text
-from solver.controllers import Controller
+from solver.model.controllers import Controller
 
 if TYPE_CHECKING:  # a tuning need not wait for them
     from service.schemas.margins import LoopMargins

@@ -9,8 +9,8 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-import solver.results
 import solver.tuning
+import solver.tuning.record
 from service.cli.outcomes import ExitCode, exit_code_of, read_input, reported
 from service.cli.tables import tuning_table
 from service.schemas import TuningRequest, TuningResult, parse_tuning_request, tuning_to_json
@@ -73,7 +73,7 @@ def _tune(request: TuningRequest) -> dict[str, object]:
     ) as bar:
         task = bar.add_task("Tuning", total=1.0, starts=0, best=number(None))
 
-        def show(progress: solver.results.Progress) -> None:
+        def show(progress: solver.tuning.record.Progress) -> None:
             bar.update(
                 task,
                 completed=progress.fraction,

@@ -17,15 +17,15 @@ from service.schemas.drawn import DrawnCurves
 from service.schemas.peaks import Curves, Peak, Peaks
 from service.tuned import Tuned
 from service.wording import TIME_UNIT, number
-from solver.blocks import group_loops
-from solver.controllers import Controller
-from solver.errors import InvalidInputError
-from solver.margins import loop_transfer
-from solver.mu.worst_case import worst_case
-from solver.plants import Plant
-from solver.robustness import LoopAnalysis
-from solver.stability import is_stable
-from solver.subsystems import subsystem
+from solver.model.blocks import group_loops
+from solver.model.controllers import Controller
+from solver.model.errors import InvalidInputError
+from solver.model.plants import Plant
+from solver.model.subsystems import subsystem
+from solver.robustness.analysis import LoopAnalysis
+from solver.robustness.margins import loop_transfer
+from solver.robustness.worst_case import worst_case
+from solver.stability.closed_loop import is_stable
 
 __all__ = ["controllers", "mu", "sensitivity", "tuned_mu"]
 

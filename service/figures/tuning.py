@@ -12,7 +12,7 @@ from service.figures.frequency import controllers, sensitivity, tuned_mu
 from service.figures.responses import tuned_response
 from service.figures.search import landscape
 from service.tuned import Tuned
-from solver.errors import InvalidInputError
+from solver.model.errors import InvalidInputError
 from solver.simulation import difficult_direction, easy_direction
 
 __all__ = ["TuningFigures", "tuning_figures"]

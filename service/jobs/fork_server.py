@@ -13,15 +13,15 @@ import gc
 import service.analyses
 import service.computing
 import service.jobs.work
-import solver.integrity
+import solver.certificate.search
 import solver.interaction.analysis
 import solver.interaction.decoupling
 import solver.interaction.drive_simulation
 import solver.interaction.loop_effect
 import solver.interaction.parallel_drives
-import solver.mu.certificate
 import solver.relay
-import solver.robustness
+import solver.robustness.analysis
+import solver.robustness.integrity
 import solver.simulation.worst_actuators
 from solver.warm import warm
 

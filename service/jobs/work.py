@@ -16,8 +16,8 @@ import service.schemas
 import solver.tuning
 from service.jobs.records import JobStatus, Outcome
 from service.problems import NumbersError, describe
-from solver.errors import Cancelled, InvalidInputError
-from solver.results import Progress, Status, Tuning
+from solver.model.errors import Cancelled, InvalidInputError
+from solver.tuning.record import Progress, Status, Tuning
 
 __all__ = ["TOPIC", "Solver"]
 

@@ -23,7 +23,7 @@ from service.routes.common import BODY_PROBLEMS, described, json_response, probl
 from service.schemas import TuningRequest, canonical
 from service.schemas.jobs import Job as JobModel
 from service.schemas.jobs import JobList, job_to_json, progress_to_json, summary_to_dict
-from solver.errors import InvalidInputError
+from solver.model.errors import InvalidInputError
 
 __all__ = ["IdempotencyKey", "JobId", "accepting", "find_job", "new_job", "router"]
 

@@ -10,9 +10,9 @@ from pydantic import BaseModel, ConfigDict, Field, JsonValue
 from service.schemas.controllers import Loop
 from service.schemas.encoding import encode
 from service.schemas.fields import RequestModel, below
-from solver.controllers import Controller
-from solver.errors import InvalidInputError
-from solver.plants import MAX_UNITS
+from solver.model.controllers import Controller
+from solver.model.errors import InvalidInputError
+from solver.model.plants import MAX_UNITS
 
 __all__ = ["ControllerFormsRequest", "ControllerFormsResult", "controller_forms_to_json"]
 

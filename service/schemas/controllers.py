@@ -6,10 +6,10 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-import solver.controllers
+import solver.model.controllers
 import solver.tuning.specification
 from service.schemas.fields import SMALLEST, Gain, PositiveTime, RequestModel
-from solver.plants import MAX_UNITS
+from solver.model.plants import MAX_UNITS
 
 __all__ = ["Bounds", "ControllerChoice", "Loop"]
 
@@ -25,9 +25,11 @@ class Loop(RequestModel):
         default=None, description="Derivative time tau_D; null for PI.", examples=[None, 5.0]
     )
 
-    def build(self) -> solver.controllers.Controller:
+    def build(self) -> solver.model.controllers.Controller:
         """Return the solver's controller."""
-        return solver.controllers.Controller(self.gain, self.integral_time, self.derivative_time)
+        return solver.model.controllers.Controller(
+            self.gain, self.integral_time, self.derivative_time
+        )
 
 
 def _range(unit: str) -> object:

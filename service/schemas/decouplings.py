@@ -15,7 +15,7 @@ from service.schemas.peaks import Peak
 from service.schemas.plants import Plant
 from solver.interaction.decoupling import Decoupling, DecouplingSpecification
 from solver.interaction.loop_shape import RobustnessLimits
-from solver.plants import MAX_MATRIX_SIZE
+from solver.model.plants import MAX_MATRIX_SIZE
 
 __all__ = ["DecouplingRequest", "DecouplingResult", "decoupling_to_json"]
 

@@ -13,8 +13,8 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from solver.errors import InvalidInputError
-from solver.transfer_function import LARGEST, MAX_ORDER
+from solver.model.errors import InvalidInputError
+from solver.model.transfer_function import LARGEST, MAX_ORDER
 
 __all__ = [
     "SMALLEST",

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from service.schemas.fields import Frequency
-from solver.errors import InvalidInputError
+from solver.model.errors import InvalidInputError
 
 __all__ = ["Frequencies", "ascending"]
 

@@ -7,15 +7,15 @@ from typing import Annotated
 
 from pydantic import Field, JsonValue
 
-import solver.plants
-import solver.weights
+import solver.model.plants
+import solver.model.weights
 from service.schemas.controllers import Loop
 from service.schemas.fields import RequestModel, below
 from service.schemas.plants import Plant
 from service.schemas.weights import Performance, Uncertainty
-from solver.controllers import Controller
-from solver.errors import InvalidInputError
-from solver.plants import MAX_UNITS
+from solver.model.controllers import Controller
+from solver.model.errors import InvalidInputError
+from solver.model.plants import MAX_UNITS
 
 __all__ = ["EXAMPLE", "GivenLoops", "LoopsTask"]
 
@@ -40,9 +40,9 @@ EXAMPLE: dict[str, JsonValue] = {
 class LoopsTask:
     """Arguments that all analyses of given loops share."""
 
-    plant: solver.plants.Plant
-    uncertainty: solver.weights.Uncertainty
-    performance: solver.weights.Performance
+    plant: solver.model.plants.Plant
+    uncertainty: solver.model.weights.Uncertainty
+    performance: solver.model.weights.Performance
     loops: tuple[Controller, ...]
 
 

@@ -13,7 +13,7 @@ from service.schemas.interaction import IntegralControllability
 from service.schemas.peaks import Peak
 
 if TYPE_CHECKING:
-    from solver.integrity import Integrity
+    from solver.robustness.integrity import Integrity
 
 __all__ = ["IntegrityRequest", "IntegrityResult", "integrity_to_json"]
 

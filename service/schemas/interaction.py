@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, JsonValue
 
-import solver.plants
+import solver.model.plants
 from service.schemas.controllers import Loop
 from service.schemas.drawn import Complex
 from service.schemas.encoding import encode
@@ -18,7 +18,7 @@ from service.schemas.frequencies import Frequencies, ascending
 from service.schemas.plants import Plant
 from solver.interaction.analysis import Interaction
 from solver.interaction.loop_effect import MAX_GAINS, LoopEffect, LoopEffectQuery
-from solver.plants import MAX_UNITS
+from solver.model.plants import MAX_UNITS
 
 __all__ = ["InteractionRequest", "InteractionResult", "InteractionTask", "interaction_to_json"]
 
@@ -58,7 +58,7 @@ class EffectQuery(RequestModel):
         examples=[{"gain": 2.0, "integral_time": 1.0, "derivative_time": None}],
     )
 
-    def build(self, plant: solver.plants.Plant) -> LoopEffectQuery:
+    def build(self, plant: solver.model.plants.Plant) -> LoopEffectQuery:
         """Return the solver's query about `plant`."""
         controller = None
         if self.controller is not None:
@@ -71,7 +71,7 @@ class EffectQuery(RequestModel):
 class InteractionTask:
     """What to analyse: arguments of `analyse_interaction` and of `loop_effect`, or None."""
 
-    plant: solver.plants.Plant
+    plant: solver.model.plants.Plant
     omega: NDArray[np.float64] | None
     effect: LoopEffectQuery | None
 

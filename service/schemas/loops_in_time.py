@@ -8,8 +8,8 @@ from pydantic import Field
 
 import solver.simulation
 from service.schemas.fields import Gain, PositiveTime, RequestModel, Time
-from solver.plants import MAX_UNITS
-from solver.transfer_function import LARGEST
+from solver.model.plants import MAX_UNITS
+from solver.model.transfer_function import LARGEST
 
 __all__ = ["InputLimits", "SimulatedLoop", "Size", "TimeStep", "Unit"]
 

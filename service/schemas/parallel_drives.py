@@ -22,7 +22,7 @@ from solver.interaction.parallel_drives import (
     DriveAnalysis,
     ParallelDrives,
 )
-from solver.transfer_function import LARGEST
+from solver.model.transfer_function import LARGEST
 
 __all__ = [
     "ParallelDrivesRequest",

@@ -7,14 +7,14 @@ from typing import Annotated, Literal
 
 from pydantic import Field, JsonValue
 
+import solver.model.transfer_function
+import solver.model.weights
 import solver.simulation
-import solver.transfer_function
-import solver.weights
 from service.schemas.fields import RequestModel, below
 from service.schemas.plants import TransferFunction
 from service.schemas.weights import Performance, Uncertainty
-from solver.errors import InvalidInputError
-from solver.plants import MAX_UNITS
+from solver.model.errors import InvalidInputError
+from solver.model.plants import MAX_UNITS
 
 __all__ = ["Perturbation", "WorstCasePerturbation"]
 
@@ -79,7 +79,7 @@ class WorstCasePerturbation(RequestModel):
         description="The demand; tau_p is needed.", examples=[{"tau_p": 19.0}]
     )
 
-    def build(self) -> tuple[solver.weights.Uncertainty, solver.weights.Performance]:
+    def build(self) -> tuple[solver.model.weights.Uncertainty, solver.model.weights.Performance]:
         """Return the solver's weights."""
         with below("/uncertainty"):
             uncertainty = self.uncertainty.build()
@@ -99,7 +99,7 @@ Perturbation = Annotated[
 
 def _built(
     functions: Sequence[TransferFunction], field: str
-) -> tuple[solver.transfer_function.TransferFunction, ...]:
+) -> tuple[solver.model.transfer_function.TransferFunction, ...]:
     built = []
     for index, function in enumerate(functions):
         with below(f"{field}/{index}"):

@@ -6,10 +6,10 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-import solver.plants
-import solver.transfer_function
+import solver.model.plants
+import solver.model.transfer_function
 from service.schemas.fields import Coefficients, Gain, Ratio, RequestModel, Time, below
-from solver.plants import MAX_MATRIX_SIZE, MAX_UNITS
+from solver.model.plants import MAX_MATRIX_SIZE, MAX_UNITS
 
 __all__ = ["FirstOrderPlant", "MatrixPlant", "ParallelPlant", "Plant", "TransferFunction"]
 
@@ -41,9 +41,9 @@ class TransferFunction(RequestModel):
     )
     dead_time: Time = Field(default=0.0, description="Dead time.", examples=[0.0])
 
-    def build(self) -> solver.transfer_function.TransferFunction:
+    def build(self) -> solver.model.transfer_function.TransferFunction:
         """Return the solver's transfer function."""
-        return solver.transfer_function.TransferFunction(self.num, self.den, self.dead_time)
+        return solver.model.transfer_function.TransferFunction(self.num, self.den, self.dead_time)
 
 
 class ParallelPlant(RequestModel):
@@ -60,13 +60,13 @@ class ParallelPlant(RequestModel):
         description="i(s): from a unit's input to each other unit's output.", examples=[_CROSS]
     )
 
-    def build(self) -> solver.plants.ParallelPlant:
+    def build(self) -> solver.model.plants.ParallelPlant:
         """Return the solver's plant."""
         with below("/process"):
             process = self.process.build()
         with below("/interaction"):
             interaction = self.interaction.build()
-        return solver.plants.ParallelPlant(self.n, process, interaction)
+        return solver.model.plants.ParallelPlant(self.n, process, interaction)
 
 
 class FirstOrderPlant(RequestModel):
@@ -84,9 +84,9 @@ class FirstOrderPlant(RequestModel):
     )
     dead_time: Time = Field(default=0.0, description="Dead time in every element.", examples=[0.0])
 
-    def build(self) -> solver.plants.ParallelPlant:
+    def build(self) -> solver.model.plants.ParallelPlant:
         """Return the solver's plant."""
-        return solver.plants.first_order(
+        return solver.model.plants.first_order(
             self.n, self.gain, self.time_constant, self.interaction, self.dead_time
         )
 
@@ -105,7 +105,7 @@ class MatrixPlant(RequestModel):
         examples=[[[_LAG, _CROSS], [_CROSS, _LAG]]],
     )
 
-    def build(self) -> solver.plants.MatrixPlant:
+    def build(self) -> solver.model.plants.MatrixPlant:
         """Return the solver's plant."""
         rows = []
         for row_index, row in enumerate(self.elements):
@@ -114,7 +114,7 @@ class MatrixPlant(RequestModel):
                 with below(f"/elements/{row_index}/{column_index}"):
                     built.append(element.build())
             rows.append(built)
-        return solver.plants.MatrixPlant(rows)
+        return solver.model.plants.MatrixPlant(rows)
 
 
 Plant = Annotated[ParallelPlant | FirstOrderPlant | MatrixPlant, Field(discriminator="kind")]

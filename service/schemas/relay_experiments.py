@@ -13,9 +13,9 @@ from service.schemas.encoding import encode
 from service.schemas.fields import Gain, PositiveTime, RequestModel, below
 from service.schemas.loops_in_time import SimulatedLoop, TimeStep, Unit
 from service.schemas.plants import Plant
-from solver.plants import MAX_UNITS
+from solver.model.plants import MAX_UNITS
+from solver.model.transfer_function import LARGEST
 from solver.simulation.experiment import MAX_SAMPLES
-from solver.transfer_function import LARGEST
 
 __all__ = ["RelayExperimentRequest", "RelayExperimentResult", "relay_experiment_to_json"]
 

@@ -9,17 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ConfigDict, Field
 
-import solver.plants
-import solver.weights
+import solver.model.plants
+import solver.model.weights
 from service.schemas.encoding import encode
 from service.schemas.fields import Frequency, ResultModel
 from service.schemas.given_loops import EXAMPLE, GivenLoops
 from service.schemas.margins import LoopMargins
 from service.schemas.peaks import PEAK_EXAMPLE, Curves, Peak, Peaks
 from service.schemas.worst_case import WorstCase
-from solver.controllers import Controller
-from solver.errors import InvalidInputError
-from solver.results import Robustness
+from solver.model.controllers import Controller
+from solver.model.errors import InvalidInputError
+from solver.robustness.record import Robustness
 
 __all__ = [
     "Curves",
@@ -36,11 +36,11 @@ MAX_FREQUENCIES = 10_000
 
 @dataclass(frozen=True)
 class RobustnessTask:
-    """Arguments of `solver.robustness.analyse`; `omega` (k,) rad per time unit, or None."""
+    """Arguments of `solver.robustness.analysis.analyse`; `omega` (k,) rad per time unit or None."""
 
-    plant: solver.plants.Plant
-    uncertainty: solver.weights.Uncertainty
-    performance: solver.weights.Performance
+    plant: solver.model.plants.Plant
+    uncertainty: solver.model.weights.Uncertainty
+    performance: solver.model.weights.Performance
     loops: tuple[Controller, ...]
     omega: NDArray[np.float64] | None
     certificate: bool

@@ -8,18 +8,18 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, JsonValue
 
-import solver.plants
+import solver.model.plants
+import solver.model.weights
 import solver.simulation
-import solver.weights
 from service.schemas.encoding import encode
 from service.schemas.fields import Coefficient, PositiveTime, RequestModel, Time, below
 from service.schemas.loops_in_time import InputLimits, SimulatedLoop, Size, TimeStep
 from service.schemas.perturbations import Perturbation, WorstCasePerturbation
 from service.schemas.plants import Plant
-from solver.errors import InvalidInputError
-from solver.plants import MAX_MATRIX_SIZE, MAX_UNITS
+from solver.model.errors import InvalidInputError
+from solver.model.plants import MAX_MATRIX_SIZE, MAX_UNITS
+from solver.model.transfer_function import LARGEST
 from solver.simulation.experiment import MAX_SAMPLES
-from solver.transfer_function import LARGEST
 
 __all__ = [
     "StepResponseRequest",
@@ -64,7 +64,7 @@ class SetPointDirection(RequestModel):
     size: Size = Field(default=1.0, description="Largest of the steps, not zero.", examples=[1.0])
     time: Time = Field(default=0.0, description="When they happen.", examples=[0.0])
 
-    def build(self, plant: solver.plants.Plant) -> tuple[solver.simulation.Step, ...]:
+    def build(self, plant: solver.model.plants.Plant) -> tuple[solver.simulation.Step, ...]:
         """Return the solver's steps."""
         find = {
             "easy": solver.simulation.easy_direction,
@@ -87,7 +87,7 @@ class StepResponseTask:
     """
 
     experiment: solver.simulation.Experiment
-    demand: tuple[solver.weights.Uncertainty, solver.weights.Performance] | None
+    demand: tuple[solver.model.weights.Uncertainty, solver.model.weights.Performance] | None
 
     def simulate(self) -> solver.simulation.StepResponse:
         """Return the responses.

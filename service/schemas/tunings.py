@@ -13,7 +13,7 @@ from service.schemas.fields import RequestModel, ResultModel, below
 from service.schemas.peaks import Curves, Peaks
 from service.schemas.plants import Plant
 from service.schemas.weights import Performance, Uncertainty
-from solver.results import LocalOptimum, Tuning
+from solver.tuning.record import LocalOptimum, Tuning
 from solver.tuning.specification import (
     MAX_STARTS,
     Arrangement,

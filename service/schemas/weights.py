@@ -6,11 +6,11 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag
 
-import solver.weights
+import solver.model.weights
 from service.schemas.fields import SMALLEST, PositiveTime, RequestModel, Time, below
 from service.schemas.plants import TransferFunction
-from solver.transfer_function import LARGEST
-from solver.weights import Structure
+from solver.model.transfer_function import LARGEST
+from solver.model.weights import Structure
 
 __all__ = ["Performance", "Uncertainty", "UncertaintyOfError", "UncertaintyOfWeight"]
 
@@ -39,9 +39,9 @@ class UncertaintyOfError(RequestModel):
     )
     structure: StructureName = "diagonal"
 
-    def build(self) -> solver.weights.Uncertainty:
+    def build(self) -> solver.model.weights.Uncertainty:
         """Return the solver's uncertainty."""
-        return solver.weights.Uncertainty.from_error(
+        return solver.model.weights.Uncertainty.from_error(
             self.epsilon, self.theta, Structure(self.structure)
         )
 
@@ -55,11 +55,11 @@ class UncertaintyOfWeight(RequestModel):
     )
     structure: StructureName = "diagonal"
 
-    def build(self) -> solver.weights.Uncertainty:
+    def build(self) -> solver.model.weights.Uncertainty:
         """Return the solver's uncertainty."""
         with below("/weight"):
             weight = self.weight.build()
-        return solver.weights.Uncertainty(weight, Structure(self.structure))
+        return solver.model.weights.Uncertainty(weight, Structure(self.structure))
 
 
 def _form(value: Any) -> str:  # noqa: ANN401 - whatever the caller sent
@@ -92,6 +92,6 @@ class Performance(RequestModel):
         examples=[19.0],
     )
 
-    def build(self) -> solver.weights.Performance:
+    def build(self) -> solver.model.weights.Performance:
         """Return the solver's performance demand."""
-        return solver.weights.Performance(self.max_peak, self.offset, self.tau_p)
+        return solver.model.weights.Performance(self.max_peak, self.offset, self.tau_p)

@@ -1,6 +1,6 @@
 """Certificates that mu <= gamma at every frequency: record, document and independent check.
 
-They are made by `solver.mu.certificate`; nothing here depends on how.
+They are made by `solver.certificate.search`; nothing here depends on how.
 """
 
 from solver.certificate.reading import read_certificate

@@ -16,21 +16,21 @@ from typing import TYPE_CHECKING
 
 from flint import acb, fmpq, fmpq_poly
 
+from solver.certificate.enclosures import Frame, Ratio, Response, exact, is_hurwitz
 from solver.certificate.reduction import MAX_SETTINGS, Block, blocks, settings_of
-from solver.controllers import DERIVATIVE_FILTER
-from solver.enclosures import Frame, Ratio, Response, exact, is_hurwitz
-from solver.errors import InvalidInputError, UnsupportedPlantError
-from solver.taylor_model import TaylorModel
-from solver.transfer_function import TransferFunction
-from solver.weights import Structure
+from solver.certificate.taylor_models import TaylorModel
+from solver.model.controllers import DERIVATIVE_FILTER
+from solver.model.errors import InvalidInputError, UnsupportedPlantError
+from solver.model.transfer_function import TransferFunction
+from solver.model.weights import Structure
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from solver.certificate.record import Claim
-    from solver.controllers import Controller
-    from solver.plants import Plant
-    from solver.weights import Performance
+    from solver.model.controllers import Controller
+    from solver.model.plants import Plant
+    from solver.model.weights import Performance
 
 __all__ = ["EnclosedLoop", "Loop"]
 

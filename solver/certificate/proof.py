@@ -21,8 +21,8 @@ from typing import TYPE_CHECKING
 from flint import acb, acb_mat, arb, arb_mat, fmpq
 
 from solver.certificate.enclosed_loop import EnclosedLoop, Loop
-from solver.enclosures import Frame, Interval
-from solver.taylor_model import UnenclosedError, control_points
+from solver.certificate.enclosures import Frame, Interval
+from solver.certificate.taylor_models import UnenclosedError, control_points
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

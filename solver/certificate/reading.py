@@ -6,18 +6,18 @@ import json
 import math
 from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
+from solver.certificate.enclosures import Interval
 from solver.certificate.record import FORMAT, VERSION, Certificate, Claim, ProvenInterval
-from solver.controllers import Controller
-from solver.enclosures import Interval
-from solver.errors import InvalidInputError
-from solver.plants import MatrixPlant, ParallelPlant
-from solver.transfer_function import TransferFunction
-from solver.weights import Performance, Structure, Uncertainty
+from solver.model.controllers import Controller
+from solver.model.errors import InvalidInputError
+from solver.model.plants import MatrixPlant, ParallelPlant
+from solver.model.transfer_function import TransferFunction
+from solver.model.weights import Performance, Structure, Uncertainty
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from solver.plants import Plant
+    from solver.model.plants import Plant
 
 __all__ = ["read_certificate"]
 

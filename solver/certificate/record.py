@@ -13,16 +13,16 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from solver.certificate.enclosures import Interval
 from solver.certificate.reduction import scale_count
-from solver.enclosures import Interval
-from solver.errors import InvalidInputError
-from solver.plants import ParallelPlant
+from solver.model.errors import InvalidInputError
+from solver.model.plants import ParallelPlant
 
 if TYPE_CHECKING:
-    from solver.controllers import Controller
-    from solver.plants import Plant
-    from solver.transfer_function import TransferFunction
-    from solver.weights import Performance, Uncertainty
+    from solver.model.controllers import Controller
+    from solver.model.plants import Plant
+    from solver.model.transfer_function import TransferFunction
+    from solver.model.weights import Performance, Uncertainty
 
 __all__ = ["FORMAT", "VERSION", "Certificate", "Claim", "ProvenInterval"]
 

@@ -17,15 +17,15 @@ from typing import TYPE_CHECKING
 
 from flint import fmpq
 
-from solver.enclosures import Response
-from solver.plants import ParallelPlant
-from solver.weights import Structure
+from solver.certificate.enclosures import Response
+from solver.model.plants import ParallelPlant
+from solver.model.weights import Structure
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from solver.controllers import Controller
-    from solver.plants import MatrixPlant, Plant
+    from solver.model.controllers import Controller
+    from solver.model.plants import MatrixPlant, Plant
 
 __all__ = ["MAX_SETTINGS", "Block", "Settings", "blocks", "scale_count", "settings_of"]
 

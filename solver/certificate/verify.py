@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING
 from flint import ctx
 
 from solver.certificate.enclosed_loop import Loop
+from solver.certificate.enclosures import Interval
 from solver.certificate.proof import Gap, examine, unstable_poles
 from solver.certificate.reading import read_certificate
-from solver.enclosures import Interval
-from solver.errors import InvalidInputError
-from solver.taylor_model import PRECISION
+from solver.certificate.taylor_models import PRECISION
+from solver.model.errors import InvalidInputError
 
 if TYPE_CHECKING:
     from solver.certificate.record import Certificate

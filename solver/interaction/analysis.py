@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solver.frequencies import corners_of
 from solver.interaction.integral_controllability import (
     IntegralControllability,
     Verdict,
@@ -40,12 +39,13 @@ from solver.interaction.relative_gain import (
     relative_gain_at,
 )
 from solver.interaction.zeros import TransmissionZeros, ZeroMethod, transmission_zeros
-from solver.plants import MAX_MATRIX_SIZE, ParallelPlant
+from solver.model.frequencies import corners_of
+from solver.model.plants import MAX_MATRIX_SIZE, ParallelPlant
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from solver.plants import Plant
+    from solver.model.plants import Plant
 
 __all__ = ["DENSE_UP_TO", "Interaction", "RelativeGainCurves", "analyse_interaction"]
 

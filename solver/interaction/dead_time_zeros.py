@@ -12,17 +12,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from solver.frequencies import corners_of
 from solver.interaction.rational_matrix import Root
 from solver.interaction.zero_search import Box, zeros_in_box
-from solver.singular import is_singular
+from solver.model.frequencies import corners_of
+from solver.stability.singular import is_singular
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from numpy.typing import NDArray
 
-    from solver.transfer_function import TransferFunction
+    from solver.model.transfer_function import TransferFunction
 
 __all__ = ["SumMatrix", "right_half_plane_zeros", "search_radius"]
 

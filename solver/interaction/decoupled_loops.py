@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from solver.controllers import ParallelForm
-    from solver.plants import Plant
+    from solver.model.controllers import ParallelForm
+    from solver.model.plants import Plant
 
 __all__ = ["DecoupledLoops"]
 

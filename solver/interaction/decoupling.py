@@ -13,21 +13,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solver.errors import InvalidInputError, UnsupportedPlantError
-from solver.frequencies import corners_of
 from solver.interaction.decoupled_loops import DecoupledLoops
 from solver.interaction.loop_shape import RobustnessLimits
 from solver.interaction.pi_design import DesignStatus, PIDesign, design_pi
 from solver.interaction.relative_gain import relative_gain_array, relative_gain_at
 from solver.interaction.sampling import dense_frequencies
 from solver.interaction.weighted_sum import WeightedSum
-from solver.plants import MAX_MATRIX_SIZE, ParallelPlant
-from solver.singular import is_singular
+from solver.model.errors import InvalidInputError, UnsupportedPlantError
+from solver.model.frequencies import corners_of
+from solver.model.plants import MAX_MATRIX_SIZE, ParallelPlant
+from solver.stability.singular import is_singular
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from solver.plants import Plant
+    from solver.model.plants import Plant
 
 __all__ = ["ClosedLoop", "Decoupling", "DecouplingSpecification", "decouple"]
 

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import expm
 
-from solver.errors import InvalidInputError
 from solver.interaction.parallel_drives import mended_model, original_model
+from solver.model.errors import InvalidInputError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

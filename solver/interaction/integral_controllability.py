@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solver.singular import is_singular
+from solver.stability.singular import is_singular
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -16,8 +16,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from flint import fmpq, fmpq_poly
 
-from solver.controllers import DERIVATIVE_FILTER
-from solver.errors import InvalidInputError, UnsupportedPlantError
 from solver.interaction.rational_matrix import (
     Rational,
     decimal,
@@ -25,14 +23,16 @@ from solver.interaction.rational_matrix import (
     roots_of,
     to_float,
 )
-from solver.transfer_function import LARGEST, refuse_vanishing
+from solver.model.controllers import DERIVATIVE_FILTER
+from solver.model.errors import InvalidInputError, UnsupportedPlantError
+from solver.model.transfer_function import LARGEST, refuse_vanishing
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from solver.controllers import Controller
-    from solver.plants import Plant
-    from solver.transfer_function import TransferFunction
+    from solver.model.controllers import Controller
+    from solver.model.plants import Plant
+    from solver.model.transfer_function import TransferFunction
 
 __all__ = [
     "MAX_GAINS",

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solver.errors import InvalidInputError
 from solver.interaction.sampling import local_minima, refine_minima, sample, turns
-from solver.results import Peak
+from solver.model.errors import InvalidInputError
+from solver.model.peaks import Peak
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

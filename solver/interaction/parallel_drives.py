@@ -16,14 +16,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import null_space
 
-from solver.errors import InvalidInputError, UnsupportedPlantError
+from solver.model.errors import InvalidInputError, UnsupportedPlantError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from solver.transfer_function import TransferFunction
+    from solver.model.transfer_function import TransferFunction
 
 __all__ = [
     "Drive",

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.interaction.parallel_matrix import relative_gains_over_frequency
-from solver.plants import MAX_MATRIX_SIZE
+from solver.model.plants import MAX_MATRIX_SIZE
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from solver.interaction.parallel_matrix import ParallelMatrix
-    from solver.plants import ParallelPlant
+    from solver.model.plants import ParallelPlant
 
 __all__ = ["ParallelForms", "parallel_forms"]
 

@@ -22,11 +22,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solver.controllers import ParallelForm
-from solver.errors import InvalidInputError, UnsupportedPlantError
 from solver.interaction.loop_shape import LoopShape, RobustnessLimits
 from solver.interaction.weighted_sum import WeightedSum
-from solver.results import Peak
+from solver.model.controllers import ParallelForm
+from solver.model.errors import InvalidInputError, UnsupportedPlantError
+from solver.model.peaks import Peak
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -16,7 +16,7 @@ from flint import fmpq, fmpq_poly, fmpz, fmpz_poly
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from solver.transfer_function import TransferFunction
+    from solver.model.transfer_function import TransferFunction
 
 __all__ = [
     "Rational",

@@ -13,15 +13,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from solver.errors import InvalidInputError
 from solver.interaction.parallel_matrix import ParallelMatrix
-from solver.singular import SINGULAR_CONDITION, equilibrate, has_empty_line, is_singular
+from solver.model.errors import InvalidInputError
+from solver.stability.singular import SINGULAR_CONDITION, equilibrate, has_empty_line, is_singular
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from solver.plants import ParallelPlant, Plant
-    from solver.transfer_function import TransferFunction
+    from solver.model.plants import ParallelPlant, Plant
+    from solver.model.transfer_function import TransferFunction
 
 __all__ = [
     "GainStatus",

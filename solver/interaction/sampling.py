@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solver.frequencies import corners_of, resonances_of
+from solver.model.frequencies import corners_of, resonances_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from solver.interaction.weighted_sum import WeightedSum
-    from solver.transfer_function import TransferFunction
+    from solver.model.transfer_function import TransferFunction
 
     _Function = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 

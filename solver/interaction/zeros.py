@@ -18,12 +18,12 @@ import numpy as np
 
 from solver.interaction.dead_time_zeros import SumMatrix, right_half_plane_zeros, search_radius
 from solver.interaction.rational_matrix import Rational, common_degree, transmission_zeros_of
-from solver.plants import ParallelPlant
+from solver.model.plants import ParallelPlant
 
 if TYPE_CHECKING:
     from solver.interaction.rational_matrix import Root
-    from solver.plants import Plant
-    from solver.transfer_function import TransferFunction
+    from solver.model.plants import Plant
+    from solver.model.transfer_function import TransferFunction
 
 __all__ = [
     "Direction",

@@ -1,7 +1,7 @@
 r"""Compiled kernel: the best D-scaling at one frequency, by a barrier method in log scales.
 
 At one frequency the loop is a factored matrix N = L R, split into independent blocks that share
-their D-scales (`solver.blocks`). With x = exp(y) the squared scales, every block has
+their D-scales (`solver.model.blocks`). With x = exp(y) the squared scales, every block has
 
     Q = diag(p_i x_s(i) + b_i),     W = W_0 + sum_j a_j a_j^H / x_s(j)
 

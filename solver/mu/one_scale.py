@@ -1,8 +1,8 @@
 r"""Identical loops on a parallel plant: the best scale in closed form.
 
 Such a loop falls into one or two blocks of one row that share their only scale
-(`solver.blocks`). With the squared scale x, alpha = |S g|^2 and beta = |S|^2 of a block, and the
-same p = |w_I c|^2 and b for both, a block demands
+(`solver.model.blocks`). With the squared scale x, alpha = |S g|^2 and beta = |S|^2 of a block, and
+the same p = |w_I c|^2 and b for both, a block demands
 
     Q W <= 1,   W = beta + alpha/x,   Q = p x + b level  or  (p x + b) level.
 

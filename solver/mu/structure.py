@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solver.errors import InvalidInputError
+from solver.model.errors import InvalidInputError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -23,8 +23,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from solver.tuning.minimax import Box
-    from solver.tuning.objective import LoopObjective
+    from solver.optimality.record import SettingsProblem
 
 __all__ = ["GOAL", "LowerBound"]
 
@@ -52,11 +51,8 @@ class LowerBound:
 
     Parameters
     ----------
-    objective : LoopObjective
-        What the search made small: tau_P, with PI controllers, at most two different ones, in
-        blocks of at most two rows. Its frequencies are used, and those between them.
-    box : Box
-        The bounds of the search.
+    problem : SettingsProblem
+        What was tuned. Its frequencies are used, and those between them.
     peaks : (p,)
         Where the tuned settings just meet the demand.
     tau_p : float
@@ -68,29 +64,28 @@ class LowerBound:
 
     def __init__(
         self,
-        objective: LoopObjective,
-        box: Box,
+        problem: SettingsProblem,
         *,
         peaks: NDArray[np.float64],
         tau_p: float,
         goal: float = GOAL,
     ) -> None:
-        blocks, omega = objective.blocks, objective.omega
+        blocks, omega = problem.blocks, problem.omega
         dense = [omega, np.sqrt(omega[1:] * omega[:-1]), np.outer(peaks, BESIDE).ravel()]
         axis = np.unique(np.concatenate(dense))
         s = np.concatenate([1j * axis, np.outer(axis[::EVERY], RAYS).ravel()])
-        known = samples(blocks, objective.uncertainty, s)
-        low, high = np.exp(box.low) * (1 - OUTWARD), np.exp(box.high) * (1 + OUTWARD)
+        known = samples(blocks, problem.uncertainty, s)
+        low, high = np.exp(problem.low) * (1 - OUTWARD), np.exp(problem.high) * (1 + OUTWARD)
         # Of each controller k and tau_I; then k and k/tau_I.
         shortest, longest = low[1::2].copy(), high[1::2].copy()
         low[1::2], high[1::2] = low[::2] / longest, high[::2] / shortest
         self._tau_p, self._goal = tau_p, goal
         self._conditions = Conditions(
-            blocks, known, objective.goal.performance, objective.signs,
+            blocks, known, problem.performance, problem.signs,
             math.log(tau_p) + math.log(1 - goal), cone(blocks, shortest, longest),
         )  # fmt: skip
         low, high = low * (1 - OUTWARD), high * (1 + OUTWARD)
-        high = np.minimum(high, robust_limits(blocks, known, objective.signs))
+        high = np.minimum(high, robust_limits(blocks, known, problem.signs))
         self._open = [_Box(-math.inf, 0, low, high, self._conditions.all_points)]
         self._boxes = self._number = 0
 

@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from solver.model.plants import ParallelPlant
 from solver.mu.scaling import sweep
 from solver.optimality.cuts import NU, cuts
 from solver.optimality.settings_box import demands, narrow
-from solver.plants import ParallelPlant
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from solver.blocks import LoopBlocks
+    from solver.model.blocks import LoopBlocks
+    from solver.model.weights import Performance
     from solver.optimality.samples import Samples
-    from solver.weights import Performance
 
 __all__ = ["Conditions", "Verdict", "cone", "robust_limits"]
 

@@ -14,9 +14,9 @@ or help, whatever X > 0 is, and
 is left: a condition that no choice of scales can evade. With v_s = sqrt(u) h_s <q_s, (C zeta)_s>,
 |h_s| <= 1 and |q_s| <= 1 fixed, v is linear in C zeta. Where h, q and zeta come from the dual
 solution at some c_0, the condition is as sharp as the best scales are there. The same holds for
-several zeta at once, the columns of Z, with Frobenius norms; a block of the loop (`solver.blocks`)
-has its own columns. It holds to the right of the imaginary axis too, by the maximum principle, if
-the loop is stable: docs/optimality.md.
+several zeta at once, the columns of Z, with Frobenius norms; a block of the loop
+(`solver.model.blocks`) has its own columns. It holds to the right of the imaginary axis too, by the
+maximum principle, if the loop is stable: docs/optimality.md.
 
 zeta itself may depend on c in any way. With one controller it is kept; with two it follows the
 response of the worst plant, each row linear in the other one's controller (`_follow`), which keeps

@@ -4,8 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import TYPE_CHECKING
 
-__all__ = ["Optimality", "Proof"]
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from solver.model.blocks import LoopBlocks
+    from solver.model.weights import Performance, Uncertainty
+
+__all__ = ["Optimality", "Proof", "SettingsProblem"]
 
 
 class Proof(StrEnum):
@@ -48,3 +56,33 @@ class Optimality:
     status: Proof
     boxes: int
     points: int
+
+
+@dataclass(frozen=True, eq=False)
+class SettingsProblem:
+    """Which PI settings of one grouping are asked for, and within which bounds.
+
+    Attributes
+    ----------
+    blocks : LoopBlocks
+        Plant and grouping, in blocks of at most two rows, with at most two different controllers.
+    uncertainty : Uncertainty
+        Input uncertainty.
+    performance : Performance
+        M and A of the demand; its tau_P is what is sought.
+    signs : (controllers,)
+        Sign of each gain.
+    low, high : (2 controllers,)
+        Bounds of log k and log tau_I of each controller in turn.
+    omega : (k,)
+        Frequencies to begin with, rad per time unit, ascending.
+
+    """
+
+    blocks: LoopBlocks
+    uncertainty: Uncertainty
+    performance: Performance
+    signs: NDArray[np.float64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+    omega: NDArray[np.float64]

@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from flint import acb, acb_poly, ctx
 
-from solver.enclosures import exact
-from solver.plants import ParallelPlant
+from solver.certificate.enclosures import exact
+from solver.model.plants import ParallelPlant
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from solver.blocks import LoopBlocks
-    from solver.transfer_function import TransferFunction
-    from solver.weights import Uncertainty
+    from solver.model.blocks import LoopBlocks
+    from solver.model.transfer_function import TransferFunction
+    from solver.model.weights import Uncertainty
 
 __all__ = ["Samples", "samples"]
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solver.plants import MAX_MATRIX_SIZE
+from solver.model.plants import MAX_MATRIX_SIZE
 from solver.relay.behaviour import Behaviour, Regime, behaviour, cycle_length, regimes
 from solver.relay.describing_function import (
     Harmonic,

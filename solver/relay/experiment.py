@@ -14,14 +14,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solver.errors import InvalidInputError
+from solver.model.errors import InvalidInputError
+from solver.model.transfer_function import LARGEST
 from solver.simulation.closed_loop import ClosedLoop, close
 from solver.simulation.experiment import MAX_SAMPLES, Step
 from solver.simulation.paths import Paths, alike
-from solver.transfer_function import LARGEST
 
 if TYPE_CHECKING:
-    from solver.plants import Plant
+    from solver.model.plants import Plant
     from solver.simulation.loops import Loop
 
 __all__ = ["PlacedLoop", "Relay", "RelayExperiment", "RelayWiring", "wire"]

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.optimize import brentq, linear_sum_assignment
 
-from solver.errors import InvalidInputError
+from solver.model.errors import InvalidInputError
 from solver.relay.describing_function import Ultimate
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from solver.plants import Plant
+    from solver.model.plants import Plant
 
 __all__ = ["McAvoy", "mcavoy"]
 

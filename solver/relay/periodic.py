@@ -21,7 +21,7 @@ import numpy as np
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
-from solver.errors import InvalidInputError
+from solver.model.errors import InvalidInputError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from solver.controllers import Controller
+from solver.model.controllers import Controller
 
 if TYPE_CHECKING:
     from solver.relay.describing_function import Ultimate

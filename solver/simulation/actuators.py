@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solver.errors import InvalidInputError
+from solver.model.errors import InvalidInputError
 
 if TYPE_CHECKING:
     from collections.abc import Hashable, Iterator
 
-    from solver.transfer_function import TransferFunction
+    from solver.model.transfer_function import TransferFunction
 
 __all__ = ["Actuators", "CoupledActuators", "OwnActuators"]
 

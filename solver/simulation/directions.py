@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solver.errors import InvalidInputError
-from solver.plants import ParallelPlant
+from solver.model.errors import InvalidInputError
+from solver.model.plants import ParallelPlant
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from solver.plants import Plant
+    from solver.model.plants import Plant
 
 __all__ = ["difficult_direction", "easy_direction"]
 

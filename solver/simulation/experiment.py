@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solver.errors import InvalidInputError
-from solver.transfer_function import LARGEST
+from solver.model.errors import InvalidInputError
+from solver.model.transfer_function import LARGEST
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from solver.plants import Plant
+    from solver.model.plants import Plant
     from solver.simulation.actuators import Actuators
     from solver.simulation.loops import Limits, Loop
 

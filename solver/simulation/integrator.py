@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solver.errors import InvalidInputError
+from solver.model.errors import InvalidInputError
 from solver.simulation.breakpoints import Breakpoints
 from solver.simulation.chebyshev import (
     DEGREE,

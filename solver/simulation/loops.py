@@ -12,9 +12,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from solver.controllers import DERIVATIVE_FILTER, Controller
-from solver.errors import InvalidInputError
-from solver.transfer_function import LARGEST
+from solver.model.controllers import DERIVATIVE_FILTER, Controller
+from solver.model.errors import InvalidInputError
+from solver.model.transfer_function import LARGEST
 
 __all__ = ["Limits", "Loop"]
 

@@ -14,14 +14,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from solver.errors import InvalidInputError
-from solver.plants import ParallelPlant
+from solver.model.errors import InvalidInputError
+from solver.model.plants import ParallelPlant
 
 if TYPE_CHECKING:
     from collections.abc import Hashable, Sequence
 
-    from solver.plants import Plant
-    from solver.transfer_function import TransferFunction
+    from solver.model.plants import Plant
+    from solver.model.transfer_function import TransferFunction
 
 __all__ = ["MAX_KINDS", "Paths", "alike"]
 

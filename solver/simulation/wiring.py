@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy.linalg import matrix_balance
 
-from solver.errors import InvalidInputError
+from solver.model.errors import InvalidInputError
 from solver.simulation.delay_system import DelaySystem
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from solver.transfer_function import TransferFunction
+    from solver.model.transfer_function import TransferFunction
 
 __all__ = ["LimitedSignal", "Place", "Term", "Wiring"]
 

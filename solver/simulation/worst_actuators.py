@@ -7,23 +7,23 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solver.blocks import group_loops
-from solver.controllers import Controller
-from solver.errors import InvalidInputError
-from solver.mu.worst_case import DiagonalPerturbation, RankOnePerturbation, worst_case
-from solver.robustness import LoopAnalysis
+from solver.model.blocks import group_loops
+from solver.model.controllers import Controller
+from solver.model.errors import InvalidInputError
+from solver.model.transfer_function import TransferFunction
+from solver.robustness.analysis import LoopAnalysis
+from solver.robustness.worst_case import DiagonalPerturbation, RankOnePerturbation, worst_case
 from solver.simulation.actuators import CoupledActuators, OwnActuators
-from solver.stability import is_stable
-from solver.transfer_function import TransferFunction
+from solver.stability.closed_loop import is_stable
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from solver.mu.worst_case import Entry, WorstCase
-    from solver.plants import Plant
+    from solver.model.plants import Plant
+    from solver.model.weights import Performance, Uncertainty
+    from solver.robustness.worst_case import Entry, WorstCase
     from solver.simulation.actuators import Actuators
     from solver.simulation.experiment import Experiment
-    from solver.weights import Performance, Uncertainty
 
 __all__ = ["with_worst_actuators", "worst_actuators"]
 

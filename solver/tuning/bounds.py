@@ -6,16 +6,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solver.blocks import reduce
-from solver.frequencies import corners
-from solver.transfer_function import LARGEST
+from solver.model.blocks import reduce
+from solver.model.frequencies import corners
+from solver.model.transfer_function import LARGEST
 from solver.tuning.minimax import Box
 from solver.tuning.specification import ControllerKind, Specification
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from solver.plants import Plant
+    from solver.model.plants import Plant
 
 __all__ = ["gain_signs", "parameter_box", "parameter_names"]
 

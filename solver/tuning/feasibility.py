@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solver.plants import MatrixPlant, ParallelPlant
+from solver.model.plants import MatrixPlant, ParallelPlant
 
 if TYPE_CHECKING:
-    from solver.plants import Plant
+    from solver.model.plants import Plant
     from solver.tuning.specification import Specification
 
 __all__ = ["Obstacle", "obstacle"]

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from solver.errors import InvalidInputError
-from solver.plants import ParallelPlant, Plant
+from solver.model.errors import InvalidInputError
+from solver.model.plants import ParallelPlant, Plant
 from solver.tuning.specification import Arrangement, Specification
 
 __all__ = ["Groups", "groupings", "identical_groups"]

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from solver.controllers import DERIVATIVE_FILTER
+from solver.model.controllers import DERIVATIVE_FILTER
 from solver.mu.scaling import sweep
 from solver.mu.workspace import compiled
 
@@ -52,7 +52,7 @@ def loop_levels(theta, signs, omega, G, u, b, layout, all_free, nu, cold, y):
 def winds_as_stable(det, omega):
     """Whether det (k, blocks) turns on the grid `omega` (k,) as those of a stable loop do.
 
-    A quick test for the search; `solver.stability` decides on the result.
+    A quick test for the search; `solver.stability.closed_loop` decides on the result.
     """
     stable = True
     for block in range(det.shape[1]):

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solver.controllers import Controller
+from solver.model.controllers import Controller
 from solver.mu.kernel import FINE
 from solver.mu.workspace import TINY
 from solver.tuning.loop_levels import loop_levels, winds_as_stable
@@ -28,8 +28,8 @@ from solver.tuning.specification import ControllerKind
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from solver.blocks import LoopBlocks
-    from solver.weights import Performance, Uncertainty
+    from solver.model.blocks import LoopBlocks
+    from solver.model.weights import Performance, Uncertainty
 
 FORBIDDEN = -50.0  # stands for a level of minus infinity where a curve is refined
 BESIDE = 0.1  # log omega within which a peak is followed

@@ -15,16 +15,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solver.blocks import reduce
-from solver.frequencies import corners, grid, low_end, resonances
+from solver.model.blocks import reduce
+from solver.model.frequencies import corners, grid, low_end, resonances
+from solver.model.peaks import local_peaks
+from solver.model.plants import ParallelPlant
+from solver.model.weights import Performance
 from solver.mu.kernel import FINE
-from solver.peaks import local_peaks
-from solver.plants import ParallelPlant
+from solver.optimality.record import SettingsProblem
 from solver.tuning.bounds import gain_signs, parameter_box
 from solver.tuning.minimax import minimise
 from solver.tuning.objective import BESIDE, Evaluation, Goal, LoopObjective, MuGoal, TauGoal
 from solver.tuning.specification import Objective, Specification
-from solver.weights import Performance
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -140,6 +141,15 @@ class GroupingSearch:
         low = 1e-2 * bend * weakest
         between = np.geomspace(low, bend, math.ceil(math.log10(bend / low)) + 1)[1:-1]
         return np.concatenate([[low, 2 * low], between])
+
+    @property
+    def problem(self) -> SettingsProblem:
+        """What is asked for, as a proof of optimality takes it."""
+        objective = self.objective
+        return SettingsProblem(
+            self.blocks, objective.uncertainty, self.specification.performance, objective.signs,
+            self.box.low, self.box.high, objective.omega,
+        )  # fmt: skip
 
     @property
     def default_starts(self) -> int:

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
-from solver.errors import InvalidInputError
-from solver.plants import ParallelPlant
+from solver.model.errors import InvalidInputError
+from solver.model.plants import ParallelPlant
 
 if TYPE_CHECKING:
-    from solver.plants import Plant
-    from solver.weights import Performance, Uncertainty
+    from solver.model.plants import Plant
+    from solver.model.weights import Performance, Uncertainty
 
 __all__ = ["Arrangement", "Bounds", "ControllerKind", "Objective", "Specification"]
 

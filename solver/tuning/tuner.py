@@ -8,24 +8,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solver.errors import InvalidInputError
-from solver.integrity import in_one_line
-from solver.plants import ParallelPlant
-from solver.proof import prove
-from solver.results import (
-    Comparison,
-    LocalOptimum,
-    Progress,
-    SearchSummary,
-    Status,
-    Tuning,
-)
-from solver.robustness import LoopAnalysis
-from solver.stability import require_supported, unstable_poles
-from solver.transfer_function import LARGEST
+from solver.certificate.search import prove
+from solver.model.errors import InvalidInputError
+from solver.model.plants import ParallelPlant
+from solver.model.transfer_function import LARGEST
+from solver.robustness.analysis import LoopAnalysis
+from solver.robustness.integrity import in_one_line
+from solver.stability.closed_loop import require_supported, unstable_poles
 from solver.tuning.bounds import parameter_names
 from solver.tuning.feasibility import obstacle
 from solver.tuning.groupings import groupings, identical_groups
+from solver.tuning.record import Comparison, LocalOptimum, Progress, SearchSummary, Status, Tuning
 from solver.tuning.search import Candidate, GroupingSearch
 from solver.tuning.specification import Arrangement, Objective, Specification
 
@@ -33,10 +26,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from solver.certificate import Certificate
-    from solver.controllers import Controller
-    from solver.optimality import Optimality
+    from solver.model.controllers import Controller
+    from solver.model.weights import Performance
+    from solver.optimality.record import Optimality
     from solver.tuning.groupings import Groups
-    from solver.weights import Performance
 
 __all__ = ["tune"]
 
@@ -267,11 +260,11 @@ class _Run:
     def _optimality(self, candidate: Candidate, tau_p: float) -> Optimality | None:
         if not self.specification.optimality_gap:
             return None
-        from solver.optimality import LowerBound  # noqa: PLC0415 - few tunings ask for it
+        from solver.optimality.bound import LowerBound  # noqa: PLC0415 - few tunings ask for it
 
         # The grouping that permits most; 'best' may have kept identical settings.
         search = self.searches[-1]
-        bound = LowerBound(search.objective, search.box, peaks=candidate.peaks, tau_p=tau_p)
+        bound = LowerBound(search.problem, peaks=candidate.peaks, tau_p=tau_p)
         try:
             return bound.run(lambda: self._tick(math.inf))
         except _OutOfTimeError:  # the search was not cut short: what is proven is enough

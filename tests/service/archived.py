@@ -9,11 +9,11 @@ from typing import Any
 from service.schemas import parse_tuning_request
 from service.schemas.encoding import encode
 from service.tuned import Tuned
-from solver.controllers import Controller
-from solver.plants import MatrixPlant, Plant, first_order
-from solver.results import Comparison, LocalOptimum, SearchSummary, Status, Tuning
-from solver.robustness import analyse
-from solver.weights import Performance, Uncertainty
+from solver.model.controllers import Controller
+from solver.model.plants import MatrixPlant, Plant, first_order
+from solver.model.weights import Performance, Uncertainty
+from solver.robustness.analysis import analyse
+from solver.tuning.record import Comparison, LocalOptimum, SearchSummary, Status, Tuning
 
 __all__ = ["PUBLISHED", "archived", "infeasible", "published"]
 

@@ -7,9 +7,9 @@ import os
 import time
 
 import solver.tuning
-from solver.controllers import Controller
-from solver.errors import UnsupportedPlantError
-from solver.results import LocalOptimum, Progress, SearchSummary, Status, Tuning
+from solver.model.controllers import Controller
+from solver.model.errors import UnsupportedPlantError
+from solver.tuning.record import LocalOptimum, Progress, SearchSummary, Status, Tuning
 
 SLOW, STUCK, DEADLY, UNSUPPORTED, BROKEN = 1, 2, 3, 4, 5
 

@@ -17,9 +17,9 @@ import solver.tuning
 from service.cli import app
 from service.schemas import TuningResult
 from service.schemas.robustness import RobustnessResult
-from solver.controllers import Controller
-from solver.results import LocalOptimum, Progress, SearchSummary, Status, Tuning
+from solver.model.controllers import Controller
 from solver.tuning import Specification
+from solver.tuning.record import LocalOptimum, Progress, SearchSummary, Status, Tuning
 
 ROOT = Path(__file__).parent.parent.parent
 # One start is enough to see the command work.

@@ -33,13 +33,13 @@ from service.schemas.drawn import (
 from service.schemas.parallel_drives import EXAMPLE as DRIVES
 from service.schemas.parallel_drives import ParallelDrivesRequest
 from service.schemas.trade_off import TradeOff, TradeOffPoint
-from solver.controllers import Controller
 from solver.interaction.analysis import analyse_interaction
 from solver.interaction.decoupling import DecouplingSpecification, decouple
-from solver.plants import MatrixPlant, first_order
+from solver.model.controllers import Controller
+from solver.model.plants import MatrixPlant, first_order
+from solver.model.transfer_function import TransferFunction
 from solver.relay import Relay, RelayExperiment, relay_experiment
 from solver.simulation import Experiment, Loop, Step, StepKind, step_response
-from solver.transfer_function import TransferFunction
 
 # Machado, Oliveira and Fernandes (2009): what deuteranopes and protanopes see of linear RGB.
 DICHROMATS = {

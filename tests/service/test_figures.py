@@ -19,10 +19,10 @@ from service.figures.tuning import TuningFigures
 from service.schemas.drawn import DrawnCurves
 from service.schemas.peaks import Peak, Peaks
 from service.tuned import Tuned
-from solver.controllers import Controller
-from solver.plants import MatrixPlant, first_order
-from solver.transfer_function import TransferFunction
-from solver.weights import Performance, Structure, Uncertainty
+from solver.model.controllers import Controller
+from solver.model.plants import MatrixPlant, first_order
+from solver.model.transfer_function import TransferFunction
+from solver.model.weights import Performance, Structure, Uncertainty
 
 
 @pytest.fixture(scope="module")

@@ -21,9 +21,9 @@ from service.cli.tuning import tune_file
 from service.report import report_html
 from service.tuned import Tuned
 from solver.certificate import read_certificate, verify
-from solver.controllers import Controller
-from solver.proof import prove
-from solver.weights import Performance, Uncertainty
+from solver.certificate.search import prove
+from solver.model.controllers import Controller
+from solver.model.weights import Performance, Uncertainty
 
 MADE = datetime(2026, 1, 31, 12, 0, tzinfo=UTC)
 

@@ -7,13 +7,13 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from zoo import interactions
 
-from solver.blocks import group_loops
 from solver.certificate import Certificate, Claim
-from solver.controllers import Controller
-from solver.plants import MatrixPlant, ParallelPlant, Plant, first_order
-from solver.robustness import LoopAnalysis
-from solver.transfer_function import TransferFunction
-from solver.weights import Performance, Structure, Uncertainty
+from solver.model.blocks import group_loops
+from solver.model.controllers import Controller
+from solver.model.plants import MatrixPlant, ParallelPlant, Plant, first_order
+from solver.model.transfer_function import TransferFunction
+from solver.model.weights import Performance, Structure, Uncertainty
+from solver.robustness.analysis import LoopAnalysis
 
 # Skogestad, Lundstrom and Hovd (1989), section 5: independent loops, tau_P = 19.
 PUBLISHED_PEAK = 1.00034840

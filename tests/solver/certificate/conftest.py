@@ -6,7 +6,7 @@ import pytest
 from certified_loops import published
 
 from solver.certificate import Certificate
-from solver.mu.certificate import certify
+from solver.certificate.search import certify
 
 
 @pytest.fixture(scope="session")

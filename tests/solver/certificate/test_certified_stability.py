@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from zoo import interactions
 
 from solver.certificate import Certificate, Claim
-from solver.controllers import Controller
-from solver.mu.certificate import CertificateFailure, Obstacle, certify
-from solver.plants import MatrixPlant, ParallelPlant, first_order
-from solver.transfer_function import TransferFunction
-from solver.weights import Performance, Uncertainty
+from solver.certificate.search import CertificateFailure, Obstacle, certify
+from solver.model.controllers import Controller
+from solver.model.plants import MatrixPlant, ParallelPlant, first_order
+from solver.model.transfer_function import TransferFunction
+from solver.model.weights import Performance, Uncertainty
 
 Polynomial = NDArray[np.float64]
 UNCERTAINTY = Uncertainty.from_error(0.2, 0.1)

@@ -19,12 +19,12 @@ from hypothesis import HealthCheck, assume, given, settings
 from zoo import ZOO, Case
 
 from solver.certificate import Certificate, Claim, check
-from solver.controllers import Controller
-from solver.errors import Cancelled, InvalidInputError, UnsupportedPlantError
-from solver.mu.certificate import CertificateFailure, Obstacle, certify
-from solver.plants import MatrixPlant, ParallelPlant, Plant, first_order
-from solver.transfer_function import TransferFunction
-from solver.weights import Performance, Structure, Uncertainty
+from solver.certificate.search import CertificateFailure, Obstacle, certify
+from solver.model.controllers import Controller
+from solver.model.errors import Cancelled, InvalidInputError, UnsupportedPlantError
+from solver.model.plants import MatrixPlant, ParallelPlant, Plant, first_order
+from solver.model.transfer_function import TransferFunction
+from solver.model.weights import Performance, Structure, Uncertainty
 
 UNCERTAINTY = Uncertainty.from_error(0.2, 1)
 Loops = tuple[Plant, Uncertainty, Performance, tuple[Controller, ...]]

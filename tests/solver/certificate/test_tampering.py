@@ -16,8 +16,8 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 from solver.certificate import Certificate, Claim, ProvenInterval, Verdict, check, verify
-from solver.controllers import Controller
-from solver.enclosures import Interval
+from solver.certificate.enclosures import Interval
+from solver.model.controllers import Controller
 
 RELAXED = settings(
     max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]

@@ -14,8 +14,8 @@ from solver.interaction.interpretation import (
     read_loop,
 )
 from solver.interaction.relative_gain import GainStatus
-from solver.plants import MatrixPlant, ParallelPlant, first_order
-from solver.transfer_function import TransferFunction
+from solver.model.plants import MatrixPlant, ParallelPlant, first_order
+from solver.model.transfer_function import TransferFunction
 
 LAG = TransferFunction([1], [1, 1])
 

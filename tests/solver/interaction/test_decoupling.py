@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from solver.controllers import ParallelForm
-from solver.errors import InvalidInputError, UnsupportedPlantError
 from solver.interaction.decoupled_loops import DecoupledLoops
 from solver.interaction.decoupling import Decoupling, DecouplingSpecification, decouple
 from solver.interaction.loop_shape import RobustnessLimits
 from solver.interaction.pi_design import DesignStatus
 from solver.interaction.sampling import dense_frequencies
-from solver.plants import MatrixPlant, ParallelPlant, first_order
-from solver.transfer_function import TransferFunction
+from solver.model.controllers import ParallelForm
+from solver.model.errors import InvalidInputError, UnsupportedPlantError
+from solver.model.plants import MatrixPlant, ParallelPlant, first_order
+from solver.model.transfer_function import TransferFunction
 
 ROSENBROCK = MatrixPlant(
     [

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from solver.errors import InvalidInputError, UnsupportedPlantError
 from solver.interaction.drive_simulation import DriveExperiment, DriveScenario, simulate_drives
 from solver.interaction.parallel_drives import (
     Drive,
@@ -13,7 +12,8 @@ from solver.interaction.parallel_drives import (
     mended_model,
     original_model,
 )
-from solver.transfer_function import TransferFunction
+from solver.model.errors import InvalidInputError, UnsupportedPlantError
+from solver.model.transfer_function import TransferFunction
 
 J, DAMPING = 1.0, 0.1
 SHAFT = TransferFunction([1], [J, DAMPING])

@@ -5,8 +5,6 @@ import math
 import numpy as np
 import pytest
 
-from solver.controllers import Controller
-from solver.errors import InvalidInputError, UnsupportedPlantError
 from solver.interaction.loop_effect import (
     MAX_GAINS,
     LoopEffect,
@@ -15,8 +13,10 @@ from solver.interaction.loop_effect import (
     static_effects,
 )
 from solver.interaction.relative_gain import relative_gain_array
-from solver.plants import MatrixPlant, ParallelPlant, first_order
-from solver.transfer_function import TransferFunction
+from solver.model.controllers import Controller
+from solver.model.errors import InvalidInputError, UnsupportedPlantError
+from solver.model.plants import MatrixPlant, ParallelPlant, first_order
+from solver.model.transfer_function import TransferFunction
 
 
 def _effect(

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from solver.errors import InvalidInputError
 from solver.interaction.parallel_matrix import ParallelMatrix
+from solver.model.errors import InvalidInputError
 
 CASES = [
     (n, own, a)

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import solver.interaction.physical_models as module
-from solver.errors import InvalidInputError
-from solver.interaction.physical_models import Blender, CooledReactors, StreamSplit
-from solver.plants import ParallelPlant
+import solver.model.physical_models as module
+from solver.model.errors import InvalidInputError
+from solver.model.physical_models import Blender, CooledReactors, StreamSplit
+from solver.model.plants import ParallelPlant
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 

@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from solver.errors import InvalidInputError, UnsupportedPlantError
 from solver.interaction.loop_shape import LoopShape, RobustnessLimits
 from solver.interaction.pi_design import DesignStatus, PIDesign, design_pi
 from solver.interaction.sampling import dense_frequencies
 from solver.interaction.weighted_sum import WeightedSum
-from solver.transfer_function import TransferFunction
+from solver.model.errors import InvalidInputError, UnsupportedPlantError
+from solver.model.transfer_function import TransferFunction
 
 LIMITS = RobustnessLimits()
 WOOD_BERRY = (

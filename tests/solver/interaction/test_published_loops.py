@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from solver.controllers import Controller
 from solver.interaction.analysis import analyse_interaction
-from solver.plants import MatrixPlant
-from solver.stability import is_stable, unstable_poles
-from solver.transfer_function import TransferFunction
+from solver.model.controllers import Controller
+from solver.model.plants import MatrixPlant
+from solver.model.transfer_function import TransferFunction
+from solver.stability.closed_loop import is_stable, unstable_poles
 
 DEN = [1, 3, 2]
 ROSENBROCK = MatrixPlant(

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from solver.interaction.rational_matrix import Rational, common_degree, transmission_zeros_of
-from solver.transfer_function import TransferFunction
+from solver.model.transfer_function import TransferFunction
 
 X = fmpq_poly([0, 1])
 ONE = fmpq_poly([1])

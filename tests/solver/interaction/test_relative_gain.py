@@ -5,16 +5,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from solver.errors import InvalidInputError
 from solver.interaction.relative_gain import (
     GainStatus,
     low_frequency_gain,
     relative_gain_array,
     relative_gain_at,
 )
-from solver.plants import MatrixPlant
-from solver.singular import is_singular
-from solver.transfer_function import TransferFunction
+from solver.model.errors import InvalidInputError
+from solver.model.plants import MatrixPlant
+from solver.model.transfer_function import TransferFunction
+from solver.stability.singular import is_singular
 
 
 def _matrix(n: int, seed: int) -> np.ndarray:

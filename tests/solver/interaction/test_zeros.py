@@ -15,8 +15,8 @@ from solver.interaction.zeros import (
     bandwidth_limit,
     transmission_zeros,
 )
-from solver.plants import MatrixPlant, ParallelPlant, first_order
-from solver.transfer_function import TransferFunction
+from solver.model.plants import MatrixPlant, ParallelPlant, first_order
+from solver.model.transfer_function import TransferFunction
 
 LAG = TransferFunction([1], [1, 1])
 

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from solver.controllers import Controller
+from solver.model.controllers import Controller
+from solver.model.plants import first_order
+from solver.model.weights import Performance, Uncertainty
 from solver.mu.scaling import upper_bound
 from solver.mu.structure import BlockStructure
-from solver.plants import first_order
-from solver.robustness import analyse
-from solver.weights import Performance, Uncertainty
+from solver.robustness.analysis import analyse
 
 
 @pytest.mark.parametrize("scales", [(0,), (0, 0, 0)])

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from solver.errors import InvalidInputError
+from solver.model.errors import InvalidInputError
 from solver.mu.lower_bound import LowerBound, lower_bound
 from solver.mu.scaling import upper_bound
 from solver.mu.structure import BlockStructure

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from solver.blocks import reduce
+from solver.model.blocks import reduce
+from solver.model.plants import first_order
+from solver.model.weights import Performance, Structure, Uncertainty
 from solver.mu.kernel import FINE
 from solver.mu.scaling import sweep, upper_bound
 from solver.mu.structure import BlockStructure
-from solver.plants import first_order
-from solver.weights import Performance, Structure, Uncertainty
 
 OMEGA = np.geomspace(1e-4, 1e2, 121)
 UNCERTAINTY = Uncertainty.from_error(0.2, 1)

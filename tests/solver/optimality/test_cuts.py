@@ -9,7 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from zoo import COLUMN, SLH, interactions
 
-from solver.blocks import reduce
+from solver.model.blocks import reduce
+from solver.model.plants import first_order
+from solver.model.weights import Performance, Structure, Uncertainty
 from solver.mu.scaling import sweep
 from solver.optimality.bound import LowerBound
 from solver.optimality.conditions import Conditions, robust_limits
@@ -17,11 +19,9 @@ from solver.optimality.cuts import NU, cuts
 from solver.optimality.infeasibility import least_weights
 from solver.optimality.samples import samples
 from solver.optimality.settings_box import weighted
-from solver.plants import first_order
 from solver.tuning import ControllerKind, Specification
 from solver.tuning.objective import FORBIDDEN, LoopObjective, TauGoal
 from solver.tuning.search import GroupingSearch
-from solver.weights import Performance, Structure, Uncertainty
 
 OMEGA = np.geomspace(1e-3, 20, 12)
 
@@ -200,7 +200,7 @@ def test_an_unstable_loop_is_excluded_by_points_to_the_right_of_the_axis():
     plant = first_order(1, 2, 30, 0, 3)
     task = Specification(plant, Uncertainty.from_error(0.2, 1), Performance())
     search = GroupingSearch(task, ((0,),), 1.0, lambda _: None)
-    bound = LowerBound(search.objective, search.box, peaks=np.ones(1), tau_p=5.6)
+    bound = LowerBound(search.problem, peaks=np.ones(1), tau_p=5.6)
     conditions = bound._conditions  # noqa: SLF001 - its points are what is looked at
     settings = np.array([0.35, 7.0])
     points = conditions.samples.s

@@ -4,13 +4,13 @@ import johansson
 import numpy as np
 import pytest
 
-from solver.errors import InvalidInputError
-from solver.plants import MatrixPlant
+from solver.model.errors import InvalidInputError
+from solver.model.plants import MatrixPlant
+from solver.model.transfer_function import TransferFunction
 from solver.relay.describing_function import Ultimate
 from solver.relay.experiment import Relay, RelayExperiment, wire
 from solver.relay.mcavoy import mcavoy
 from solver.relay.periodic import RelayLoop, periodic_solutions
-from solver.transfer_function import TransferFunction
 
 
 def seen(experiment: RelayExperiment) -> RelayLoop:

@@ -5,8 +5,9 @@ from math import exp, log
 import numpy as np
 import pytest
 
-from solver.errors import InvalidInputError
-from solver.plants import MatrixPlant, ParallelPlant, Plant, first_order
+from solver.model.errors import InvalidInputError
+from solver.model.plants import MatrixPlant, ParallelPlant, Plant, first_order
+from solver.model.transfer_function import TransferFunction
 from solver.relay import (
     Behaviour,
     PlacedLoop,
@@ -17,7 +18,6 @@ from solver.relay import (
 )
 from solver.relay.experiment import wire
 from solver.simulation import Loop, Step, StepKind, delay_system
-from solver.transfer_function import TransferFunction
 
 
 def alone(process: TransferFunction, relay: Relay, duration: float) -> RelayOutcome:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from solver.plants import Plant
+from solver.model.plants import Plant
 from solver.simulation import Experiment, Loop, StepKind
 from solver.simulation.chebyshev import NODES, QUADRATURE
 from solver.simulation.closed_loop import close, events

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from solver.errors import InvalidInputError
-from solver.plants import MatrixPlant, ParallelPlant, first_order
+from solver.model.errors import InvalidInputError
+from solver.model.plants import MatrixPlant, ParallelPlant, first_order
+from solver.model.transfer_function import TransferFunction
 from solver.simulation import difficult_direction, easy_direction
-from solver.transfer_function import TransferFunction
 
 
 @pytest.mark.parametrize("n", [2, 3, 5])

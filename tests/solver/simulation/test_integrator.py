@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from solver.model.transfer_function import TransferFunction
 from solver.simulation.breakpoints import Breakpoints
 from solver.simulation.chebyshev import (
     DIFFERENTIATION,
@@ -16,7 +17,6 @@ from solver.simulation.integrator import integrate
 from solver.simulation.switching import Event
 from solver.simulation.trajectory import Trajectory
 from solver.simulation.wiring import Term, Wiring
-from solver.transfer_function import TransferFunction
 
 
 def loop(process: TransferFunction, law: TransferFunction) -> tuple[Wiring, int]:

@@ -6,8 +6,9 @@ import laplace
 import numpy as np
 import pytest
 
-from solver.errors import InvalidInputError
-from solver.plants import MatrixPlant, ParallelPlant, first_order
+from solver.model.errors import InvalidInputError
+from solver.model.plants import MatrixPlant, ParallelPlant, first_order
+from solver.model.transfer_function import TransferFunction
 from solver.simulation import (
     CoupledActuators,
     End,
@@ -23,7 +24,6 @@ from solver.simulation import (
     integrator,
     step_response,
 )
-from solver.transfer_function import TransferFunction
 
 SETPOINT = Step(StepKind.SETPOINT, 0, 0.0, 1.0)
 INTEGRATOR = MatrixPlant([[TransferFunction([1], [1, 0])]])

@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from solver.controllers import Controller
-from solver.errors import InvalidInputError
-from solver.plants import first_order
-from solver.robustness import analyse
+from solver.model.controllers import Controller
+from solver.model.errors import InvalidInputError
+from solver.model.plants import first_order
+from solver.model.weights import Performance, Structure, Uncertainty
+from solver.robustness.analysis import analyse
 from solver.simulation import (
     CoupledActuators,
     End,
@@ -18,7 +19,6 @@ from solver.simulation import (
     step_response,
 )
 from solver.simulation.worst_actuators import with_worst_actuators, worst_actuators
-from solver.weights import Performance, Structure, Uncertainty
 
 PLANT = first_order(2, 1.0, 100.0, 0.949)
 # Published settings and time constant, where mu has a peak of 1.0003 (SLH 1989, table 2).

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 from zoo import SLH, USUAL
 
-from solver.blocks import reduce
-from solver.plants import first_order
+from solver.model.blocks import reduce
+from solver.model.plants import first_order
+from solver.model.weights import Performance
 from solver.tuning import ControllerKind
 from solver.tuning.objective import LoopObjective, MuGoal, TauGoal
-from solver.weights import Performance
 
 OMEGA = np.geomspace(1e-4, 30, 40)
 

@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 from zoo import COLUMN, SLH, USUAL
 
-from solver.blocks import group_loops
 from solver.certificate import Verdict, check
-from solver.errors import Cancelled, InvalidInputError, UnsupportedPlantError
-from solver.plants import ParallelPlant, first_order
-from solver.results import Status
-from solver.robustness import LoopAnalysis
-from solver.stability import is_stable
-from solver.transfer_function import TransferFunction
+from solver.model.blocks import group_loops
+from solver.model.errors import Cancelled, InvalidInputError, UnsupportedPlantError
+from solver.model.plants import ParallelPlant, first_order
+from solver.model.transfer_function import TransferFunction
+from solver.model.weights import Performance, Uncertainty
+from solver.robustness.analysis import LoopAnalysis
+from solver.stability.closed_loop import is_stable
 from solver.tuning import Arrangement, Bounds, ControllerKind, Objective, Specification, tune
-from solver.weights import Performance, Uncertainty
+from solver.tuning.record import Status
 
 
 def run(plant, arrangement, **more):

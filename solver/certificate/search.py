@@ -1,0 +1,206 @@
+"""Making a certificate: intervals as wide as can be proven, each with D-scales optimal inside it.
+
+What this module chooses needs no trust: `solver.certificate.verify` proves it again.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TYPE_CHECKING
+
+import numpy as np
+from flint import ctx
+
+from solver.certificate.enclosed_loop import Loop
+from solver.certificate.enclosures import Interval
+from solver.certificate.proof import Gap, Turns, examine, unstable_poles
+from solver.certificate.record import Certificate, Claim, ProvenInterval
+from solver.certificate.reduction import MAX_SETTINGS, settings_of
+from solver.certificate.taylor_models import PRECISION
+from solver.model.blocks import group_loops
+from solver.mu.kernel import FINE
+from solver.mu.scaling import sweep
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from solver.model.controllers import Controller
+    from solver.model.plants import Plant
+    from solver.model.weights import Performance, Uncertainty
+
+__all__ = ["CertificateFailure", "Obstacle", "certify", "prove"]
+
+MAX_ATTEMPTS = 5_000  # about ten seconds for two loops
+NARROWEST = 1e-9  # log(ratio of the ends) below which only a touch of the level can be left
+FARTHEST = 1e15  # ratio of the ends of the axis to its middle; no process spans more
+WIDER, NARROWER = 1.15, 0.7  # change of log(ratio) after an interval was proven, or not
+
+
+class Obstacle(StrEnum):
+    """Why there is no certificate, and what to try.
+
+    EXCEEDED: the upper bound of mu is above the level at `omega`; ask for a higher level.
+    UNSTABLE: the loops are nominally unstable; mu has no meaning for them.
+    UNRESOLVED: the intervals became too narrow or too many near `omega`: (a) mu touches the level
+    there: ask for a higher one, (b) a closed-loop pole lies on the imaginary axis, at s = 0 if the
+    plant's static gain is singular, (c) the plant passes its input on at once and with dead time.
+    TOO_LARGE: more than `MAX_SETTINGS` loops differ; give some of them equal settings.
+    """
+
+    EXCEEDED = "exceeded"
+    UNSTABLE = "unstable"
+    UNRESOLVED = "unresolved"
+    TOO_LARGE = "too large"
+
+
+@dataclass(frozen=True)
+class CertificateFailure:
+    """There is no certificate: why, and at which frequency (rad per time unit) if at one.
+
+    `mu` is the upper bound at `omega`; `unstable_poles` counts the closed-loop poles with
+    Re s >= 0 where the obstacle is UNSTABLE.
+    """
+
+    obstacle: Obstacle
+    omega: float | None = None
+    mu: float | None = None
+    unstable_poles: int = 0
+
+
+def certify(
+    claim: Claim, interrupt: Callable[[], object] = lambda: None
+) -> Certificate | CertificateFailure:
+    """Return a certificate of the claim, or why none was found.
+
+    One is found, rounding apart, whenever the loops are stable, the upper bound of mu is below
+    the level at all frequencies, and no part of the plant with dead time passes its input on at
+    once.
+
+    Parameters
+    ----------
+    claim : Claim
+        What is to be proven.
+    interrupt : callable
+        Called every few milliseconds; whatever it raises ends the work.
+
+    Raises
+    ------
+    UnsupportedPlantError
+        The plant is unstable in open loop.
+    InvalidInputError
+        The performance weight has no time constant.
+
+    """
+    if len(settings_of(claim.plant, claim.loops)) > MAX_SETTINGS:
+        return CertificateFailure(Obstacle.TOO_LARGE)
+    with ctx.workprec(PRECISION):
+        search = _Search(claim, interrupt)
+        try:
+            search.cover_all_frequencies()
+        except _ObstacleMetError as met:
+            return met.failure
+        poles = unstable_poles(search.loop, search.turns)
+    if poles != 0:
+        # None cannot be: each interval's ball of angles is far smaller than a half turn.
+        return CertificateFailure(Obstacle.UNSTABLE, unstable_poles=poles or 0)
+    in_order = sorted(search.proven, key=lambda proven: proven.interval.low)
+    return Certificate(claim, tuple(in_order))
+
+
+class _ObstacleMetError(Exception):
+    def __init__(self, obstacle: Obstacle, omega: float, mu: float) -> None:
+        super().__init__(obstacle)
+        self.failure = CertificateFailure(obstacle, omega, mu)
+
+
+class _Search:
+    """Keeps what has been proven."""
+
+    def __init__(self, claim: Claim, interrupt: Callable[[], object]) -> None:
+        self.claim = claim
+        self.loop = Loop.of(claim)
+        self.blocks, self.controllers = group_loops(
+            claim.plant, claim.loops, claim.uncertainty.structure
+        )
+        self.interrupt = interrupt
+        self.attempts = 0
+        self.proven: list[ProvenInterval] = []
+        self.turns: list[Turns] = []
+
+    def cover_all_frequencies(self) -> None:
+        """Prove an interval at either end, then march from one to the other."""
+        middle = math.exp(-np.mean([math.log(c.integral_time) for c in self.controllers]))
+        low = high = middle
+        while not self._prove(Interval(0, low), low / 2):
+            low /= 4
+            self._require(low > middle / FARTHEST, low)
+        while not self._prove(Interval(high, math.inf), 2 * high):
+            high *= 4
+            self._require(high < middle * FARTHEST, high)
+        log_ratio = math.log(2)
+        while low < high:
+            self._require(log_ratio > NARROWEST, low)
+            end = low * math.exp(log_ratio)
+            # A rest much shorter than its neighbours would be wasted work.
+            if end * math.exp(0.2 * log_ratio) >= high:
+                end = high
+            if self._prove(Interval(low, end), math.sqrt(low * end)):
+                low = end
+                log_ratio *= WIDER
+            else:
+                log_ratio = NARROWER * math.log(end / low)
+
+    def _prove(self, interval: Interval, inside: float) -> bool:
+        """Whether the interval is proven by the D-scales optimal at the frequency `inside`."""
+        self.interrupt()
+        self.attempts += 1
+        mu, scales = self._optimal_scales(inside)
+        if not mu <= self.claim.gamma:
+            raise _ObstacleMetError(Obstacle.EXCEEDED, inside, mu)
+        self._require(self.attempts < MAX_ATTEMPTS, inside)
+        found = examine(self.loop, interval, scales)
+        if isinstance(found, Gap):
+            return False
+        self.proven.append(ProvenInterval(interval, scales))
+        self.turns.append(found)
+        return True
+
+    def _require(self, hope: bool, omega: float) -> None:  # noqa: FBT001 - a guard
+        if not hope:
+            mu, _ = self._optimal_scales(omega)
+            raise _ObstacleMetError(Obstacle.UNRESOLVED, omega, mu)
+
+    def _optimal_scales(self, omega: float) -> tuple[float, tuple[float, ...]]:
+        """Return the upper bound of mu at a frequency and its D-scales."""
+        y = np.zeros((1, self.blocks.n_scales))
+        t, _, _ = sweep(
+            self.blocks.packed(omega),
+            np.stack([c.response(omega) for c in self.controllers], axis=-1),
+            self.claim.uncertainty.magnitude(omega) ** 2,
+            self.claim.performance.magnitude(omega) ** 2,
+            self.blocks.layout,
+            True,  # noqa: FBT003 - numba compiles positional arguments
+            FINE,
+            True,  # noqa: FBT003 - the same
+            y,
+        )
+        return math.exp(-t[0] / 2), tuple(map(float, np.exp(y[0] / 2)))
+
+
+def prove(
+    plant: Plant,
+    uncertainty: Uncertainty,
+    performance: Performance,
+    loops: Sequence[Controller],
+    level: float,
+    *,
+    interrupt: Callable[[], object] = lambda: None,
+) -> tuple[Certificate | None, list[str]]:
+    """Return the certificate that mu <= `level` and no warning, or none and the reason."""
+    outcome = certify(Claim(plant, uncertainty, performance, tuple(loops), level), interrupt)
+    if isinstance(outcome, Certificate):
+        return outcome, []
+    where = "" if outcome.omega is None else f" near omega = {outcome.omega:.4g}"
+    return None, [f"no certificate: {outcome.obstacle.value}{where}"]

@@ -1,0 +1,183 @@
+"""Plants: n identical interacting units (the parallel matrix), or a general square matrix.
+
+The parallel matrix has g(s) on its diagonal and i(s) everywhere else: Skogestad, Lundstrom and
+Hovd (1989), eq. 1.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from solver.model.errors import InvalidInputError
+from solver.model.transfer_function import LARGEST, TransferFunction, refuse_vanishing
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["MAX_MATRIX_SIZE", "MAX_UNITS", "MatrixPlant", "ParallelPlant", "Plant", "first_order"]
+
+MAX_UNITS = 10_000
+MAX_MATRIX_SIZE = 10
+
+
+@dataclass(frozen=True)
+class ParallelPlant:
+    """n identical units, each disturbing every other one alike.
+
+    Parameters
+    ----------
+    n : int
+        Number of units, 1..`MAX_UNITS`.
+    process : TransferFunction
+        g(s): from a unit's input to its own output.
+    interaction : TransferFunction
+        i(s): from a unit's input to each other unit's output.
+
+    """
+
+    n: int
+    process: TransferFunction
+    interaction: TransferFunction
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.n <= MAX_UNITS:
+            message = f"the number of units must lie in 1..{MAX_UNITS}"
+            raise InvalidInputError(message, "/n")
+        if self.process.is_zero:
+            message = "the process is zero: its input has no effect on its output"
+            raise InvalidInputError(message, "/process/num")
+
+    @property
+    def elements(self) -> tuple[TransferFunction, ...]:
+        """The different transfer functions in the plant."""
+        return (self.process, self.interaction) if self.n > 1 else (self.process,)
+
+    def element(self, row: int, column: int) -> TransferFunction:
+        """Return the transfer function from input `column` to output `row`."""
+        return self.process if row == column else self.interaction
+
+    def response(self, omega: ArrayLike) -> NDArray[np.complex128]:
+        """Frequency response at `omega` (k,), as (k, n, n) complex."""
+        return _response(self, omega)
+
+    def static_gain(self) -> NDArray[np.float64]:
+        """G(0), (n, n); infinite entries for integrating elements."""
+        return _static_gain(self)
+
+
+@dataclass(frozen=True)
+class MatrixPlant:
+    """A general square plant, at most `MAX_MATRIX_SIZE` x `MAX_MATRIX_SIZE`.
+
+    Parameters
+    ----------
+    elements_by_row : sequence of sequences of TransferFunction
+        Row r, column c: from input c to output r. Loop i connects output i to input i.
+
+    """
+
+    elements_by_row: tuple[tuple[TransferFunction, ...], ...]
+
+    def __init__(self, elements_by_row: Sequence[Sequence[TransferFunction]]) -> None:
+        rows = tuple(tuple(row) for row in elements_by_row)
+        object.__setattr__(self, "elements_by_row", rows)
+        if not 1 <= len(rows) <= MAX_MATRIX_SIZE:
+            message = f"a matrix plant has 1..{MAX_MATRIX_SIZE} rows"
+            raise InvalidInputError(message, "/elements")
+        for index, row in enumerate(rows):
+            if len(row) != len(rows):
+                message = f"row {index} has {len(row)} elements, the matrix has {len(rows)} rows"
+                raise InvalidInputError(message, f"/elements/{index}")
+
+    @property
+    def n(self) -> int:
+        """Number of loops."""
+        return len(self.elements_by_row)
+
+    @property
+    def elements(self) -> tuple[TransferFunction, ...]:
+        """The transfer functions in the plant, row by row."""
+        return tuple(element for row in self.elements_by_row for element in row)
+
+    def element(self, row: int, column: int) -> TransferFunction:
+        """Return the transfer function from input `column` to output `row`."""
+        return self.elements_by_row[row][column]
+
+    def response(self, omega: ArrayLike) -> NDArray[np.complex128]:
+        """Frequency response at `omega` (k,), as (k, n, n) complex."""
+        return _response(self, omega)
+
+    def static_gain(self) -> NDArray[np.float64]:
+        """G(0), (n, n); infinite entries for integrating elements."""
+        return _static_gain(self)
+
+
+Plant = ParallelPlant | MatrixPlant
+
+
+def first_order(
+    n: int, gain: float, time_constant: float, interaction: float, dead_time: float = 0.0
+) -> ParallelPlant:
+    """Return the parallel plant k/(tau s + 1) [1, a; a, 1] exp(-dead_time s), SLH eq. 7.
+
+    Parameters
+    ----------
+    n : int
+        Number of units.
+    gain : float
+        Static gain k of a unit, not zero.
+    time_constant : float
+        tau >= 0, in the caller's time unit.
+    interaction : float
+        a: effect on a neighbour relative to the effect on itself.
+    dead_time : float
+        Dead time >= 0 in every element.
+
+    """
+    for name, value in (("gain", gain), ("interaction", interaction)):
+        if not (math.isfinite(value) and abs(value) <= LARGEST):
+            message = f"must be finite and at most {LARGEST:g} in magnitude"
+            raise InvalidInputError(message, f"/{name}")
+    if gain == 0:
+        message = "the gain is zero: the inputs have no effect"
+        raise InvalidInputError(message, "/gain")
+    if not 0 <= time_constant <= LARGEST:
+        message = f"the time constant must lie in 0..{LARGEST:g}"
+        raise InvalidInputError(message, "/time_constant")
+    if not 0 <= dead_time <= LARGEST:
+        message = f"the dead time must lie in 0..{LARGEST:g}"
+        raise InvalidInputError(message, "/dead_time")
+    refuse_vanishing(gain, "/gain")
+    refuse_vanishing(time_constant, "/time_constant")
+    refuse_vanishing(interaction, "/interaction")
+    refuse_vanishing(gain * interaction, "/interaction")
+    den = (time_constant, 1.0) if time_constant else (1.0,)
+    if not abs(gain * interaction) <= LARGEST:
+        message = f"gain times interaction must be at most {LARGEST:g} in magnitude"
+        raise InvalidInputError(message, "/interaction")
+    return ParallelPlant(
+        n=n,
+        process=TransferFunction((gain,), den, dead_time),
+        interaction=TransferFunction((gain * interaction,), den, dead_time),
+    )
+
+
+def _response(plant: Plant, omega: ArrayLike) -> NDArray[np.complex128]:
+    frequencies = np.atleast_1d(np.asarray(omega, dtype=float))
+    values = {element: element.response(frequencies) for element in set(plant.elements)}
+    G = np.empty((frequencies.size, plant.n, plant.n), dtype=complex)
+    for row in range(plant.n):
+        for column in range(plant.n):
+            G[:, row, column] = values[plant.element(row, column)]
+    return G
+
+
+def _static_gain(plant: Plant) -> NDArray[np.float64]:
+    size = range(plant.n)
+    return np.array([[plant.element(row, column).static_gain for column in size] for row in size])

@@ -1,0 +1,236 @@
+"""Rational transfer functions with dead time, g(s) = num(s)/den(s) exp(-dead_time s)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from solver.model.errors import InvalidInputError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["LARGEST", "MAX_ORDER", "SMALLEST", "TransferFunction", "refuse_vanishing"]
+
+# Products of a few dozen such numbers still fit a double, so no evaluation can overflow.
+LARGEST = 1e12
+# Quotients of coefficients must be numbers: a smaller one is zero or a slip.
+SMALLEST = 1e-150
+MAX_ORDER = 20
+HARDLY_ZERO = 1e-77
+LARGEST_POWER = 250  # of ten
+
+
+@dataclass(frozen=True)
+class TransferFunction:
+    """A proper rational function of s times a dead time.
+
+    Parameters
+    ----------
+    num, den : sequence of float
+        Coefficients in descending powers of s. The first one is not zero, except that
+        ``num = (0,)`` is the zero function. ``len(num) <= len(den)``.
+    dead_time : float
+        Dead time >= 0, in the caller's time unit.
+
+    Raises
+    ------
+    InvalidInputError
+        An empty or zero-leading polynomial, a number that is not finite, is above `LARGEST` or,
+        without being zero, below `SMALLEST` in magnitude, an improper quotient, an order above
+        `MAX_ORDER`, a negative dead time.
+
+    Examples
+    --------
+    >>> lag = TransferFunction([1], [100, 1])
+    >>> lag.poles
+    array([-0.01+0.j])
+    >>> lag(0.0)
+    (1+0j)
+
+    """
+
+    num: tuple[float, ...]
+    den: tuple[float, ...]
+    dead_time: float = 0.0
+
+    def __init__(self, num: Sequence[float], den: Sequence[float], dead_time: float = 0.0) -> None:
+        object.__setattr__(self, "num", _polynomial(num, "/num"))
+        object.__setattr__(self, "den", _polynomial(den, "/den"))
+        object.__setattr__(self, "dead_time", float(dead_time))
+        if self.den[0] == 0:
+            message = "the denominator is zero"
+            raise InvalidInputError(message, "/den")
+        if len(self.num) > len(self.den):
+            message = (
+                f"improper: the numerator has degree {len(self.num) - 1}, "
+                f"above the denominator's {len(self.den) - 1}"
+            )
+            raise InvalidInputError(message, "/num")
+        if not 0 <= self.dead_time <= LARGEST:
+            message = f"the dead time must lie in 0..{LARGEST:g}"
+            raise InvalidInputError(message, "/dead_time")
+
+    @property
+    def is_zero(self) -> bool:
+        """Whether this is the zero function."""
+        return self.num == (0.0,)
+
+    @property
+    def relative_degree(self) -> int:
+        """Degree of the denominator minus that of the numerator."""
+        return len(self.den) - len(self.num)
+
+    @cached_property
+    def poles(self) -> NDArray[np.complex128]:
+        """Roots of the denominator, (order,) complex."""
+        return np.roots(self.den).astype(complex)
+
+    @cached_property
+    def zeros(self) -> NDArray[np.complex128]:
+        """Roots of the numerator, complex."""
+        return np.roots(self.num).astype(complex)
+
+    @cached_property
+    def integrators(self) -> int:
+        """Number of poles at s = 0 that no zero there cancels."""
+        if self.is_zero:
+            return 0
+        return max(_trailing_zeros(self.den) - _trailing_zeros(self.num), 0)
+
+    @property
+    def static_gain(self) -> float:
+        """Value at s = 0; infinite with the sign of the residue for an integrating process."""
+        if self.is_zero:
+            return 0.0
+        num, den = self._without_common_origin_roots()
+        if den[-1] == 0:
+            lowest = next(c for c in reversed(den) if c != 0)
+            return math.copysign(math.inf, num[-1] / lowest)
+        return num[-1] / den[-1]
+
+    def __call__(self, s: ArrayLike) -> NDArray[np.complex128] | complex:
+        """Value at the complex points `s` (any shape)."""
+        points = np.asarray(s, dtype=complex)
+        far = np.abs(points) > self._reach
+        if np.count_nonzero(far):  # there in 1/s, so that no power of s overflows
+            inverse: NDArray[np.complex128] = np.reciprocal(np.where(far, points, 1))
+            value = np.where(
+                far,
+                _quotient(self.num[::-1], self.den[::-1], inverse) * inverse**self.relative_degree,
+                _quotient(self.num, self.den, np.where(far, 1, points)),
+            )
+        else:
+            value = _quotient(self.num, self.den, points)
+        if self.dead_time:
+            value = value * np.exp(-self.dead_time * points)
+        return complex(value) if value.ndim == 0 else value
+
+    @cached_property
+    def _reach(self) -> float:
+        """Largest |s| whose powers fit a double with room for the coefficients."""
+        return math.pow(10, LARGEST_POWER / max(len(self.den) - 1, 1))
+
+    def response(self, omega: ArrayLike) -> NDArray[np.complex128]:
+        """Frequency response at `omega` (rad per time unit), (k,) complex."""
+        return np.atleast_1d(self(1j * np.asarray(omega, dtype=float)))
+
+    def derivative_at_zero(self) -> float:
+        """First Taylor coefficient at s = 0, dead time exact.
+
+        Raises
+        ------
+        InvalidInputError
+            The function has a pole at s = 0.
+
+        """
+        num, den = self._without_common_origin_roots()
+        if den[-1] == 0:
+            message = "the process integrates: no Taylor expansion at s = 0"
+            raise InvalidInputError(message, "/den")
+        slope_num = num[-2] if len(num) > 1 else 0.0
+        slope_den = den[-2] if len(den) > 1 else 0.0
+        gain = num[-1] / den[-1]
+        return (slope_num - gain * slope_den) / den[-1] - self.dead_time * gain
+
+    def _without_common_origin_roots(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        common = min(_trailing_zeros(self.num), _trailing_zeros(self.den))
+        if self.is_zero or not common:
+            return self.num, self.den
+        return self.num[:-common], self.den[:-common]
+
+
+def refuse_vanishing(value: float, field: str) -> None:
+    """Refuse a number that is not zero and below `SMALLEST` in magnitude.
+
+    Parameters
+    ----------
+    value : float
+        A coefficient, or what becomes one.
+    field : str
+        JSON pointer of the number that the caller gave.
+
+    Raises
+    ------
+    InvalidInputError
+        It is so small.
+
+    """
+    if 0 < abs(value) < SMALLEST:
+        message = f"the number must be zero or at least {SMALLEST:g} in magnitude"
+        raise InvalidInputError(message, field)
+
+
+def _polynomial(coefficients: Sequence[float], field: str) -> tuple[float, ...]:
+    values = tuple(float(c) for c in coefficients)
+    if not values:
+        message = "a polynomial needs at least one coefficient"
+        raise InvalidInputError(message, field)
+    if len(values) > MAX_ORDER + 1:
+        message = f"polynomials above degree {MAX_ORDER} are not supported"
+        raise InvalidInputError(message, field)
+    for index, value in enumerate(values):
+        if not abs(value) <= LARGEST:
+            message = f"coefficients must be finite and at most {LARGEST:g} in magnitude"
+            raise InvalidInputError(message, f"{field}/{index}")
+        refuse_vanishing(value, f"{field}/{index}")
+    if values[0] == 0 and len(values) > 1:
+        message = "the leading coefficient is zero; drop it"
+        raise InvalidInputError(message, f"{field}/0")
+    return values
+
+
+def _trailing_zeros(values: tuple[float, ...]) -> int:
+    count = 0
+    for value in reversed(values):
+        if value != 0:
+            break
+        count += 1
+    return count
+
+
+def _quotient(
+    num: tuple[float, ...], den: tuple[float, ...], s: NDArray[np.complex128]
+) -> NDArray[np.complex128]:
+    """num(s)/den(s) by Horner's rule; a pole reads as huge instead of dividing by zero."""
+    below = _polynomial_at(den, s)
+    if np.count_nonzero(below) < below.size:
+        below = np.where(below == 0, HARDLY_ZERO, below)
+    return np.asarray((_polynomial_at(num, s) if len(num) > 1 else num[0]) / below)
+
+
+def _polynomial_at(
+    coefficients: tuple[float, ...], s: NDArray[np.complex128]
+) -> NDArray[np.complex128]:
+    if len(coefficients) == 1:
+        return np.full_like(s, coefficients[0])
+    value = coefficients[0] * s + coefficients[1]
+    for coefficient in coefficients[2:]:
+        value = value * s + coefficient
+    return value

@@ -1,0 +1,139 @@
+"""The weights of the robust performance problem: input uncertainty w_I and performance w_P.
+
+Skogestad, Lundstrom and Hovd (1989), eqs. 27 and 29. Eq. 27 is misprinted there; the weight
+below is the one with which the published settings give mu = 1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from solver.model.errors import InvalidInputError
+from solver.model.transfer_function import LARGEST, TransferFunction, refuse_vanishing
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["Performance", "Structure", "Uncertainty"]
+
+
+class Structure(StrEnum):
+    """Structure of the input uncertainty."""
+
+    DIAGONAL = "diagonal"
+    FULL = "full"
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """Multiplicative input uncertainty G (I + w_I Delta_I), |Delta_I| <= 1.
+
+    Parameters
+    ----------
+    weight : TransferFunction
+        w_I(s), dimensionless; only its magnitude matters. Not zero, no pole on the imaginary
+        axis or to its right.
+    structure : Structure
+        DIAGONAL: the actuators err independently. FULL: they may err in concert.
+
+    """
+
+    weight: TransferFunction
+    structure: Structure = Structure.DIAGONAL
+
+    def __post_init__(self) -> None:
+        if self.weight.is_zero:
+            message = "the uncertainty weight is zero"
+            raise InvalidInputError(message, "/weight/num")
+        if np.any(self.weight.poles.real >= 0):
+            message = "the uncertainty weight must be stable"
+            raise InvalidInputError(message, "/weight/den")
+
+    @classmethod
+    def from_error(
+        cls, epsilon: float, theta: float, structure: Structure = Structure.DIAGONAL
+    ) -> Uncertainty:
+        """Return w_I = epsilon ((theta/epsilon) s + 1)/((theta/2) s + 1).
+
+        Parameters
+        ----------
+        epsilon : float
+            Relative error of the inputs at steady state, > 0 (0.2 is 20 per cent).
+        theta : float
+            The error reaches 100 per cent near the frequency 1/theta; covers a neglected dead
+            time theta. theta >= 0.
+        structure : Structure
+            As for the class.
+
+        """
+        if not 0 < epsilon <= LARGEST:
+            message = "epsilon must be positive"
+            raise InvalidInputError(message, "/epsilon")
+        if not 0 <= theta <= LARGEST:
+            message = "theta must not be negative"
+            raise InvalidInputError(message, "/theta")
+        refuse_vanishing(epsilon, "/epsilon")
+        refuse_vanishing(theta / 2, "/theta")
+        if theta == 0:
+            return cls(TransferFunction((epsilon,), (1.0,)), structure)
+        return cls(TransferFunction((theta, epsilon), (theta / 2, 1.0)), structure)
+
+    def magnitude(self, omega: ArrayLike) -> NDArray[np.float64]:
+        """Return |w_I| at `omega` (rad per time unit), (k,)."""
+        return np.abs(self.weight.response(omega))
+
+
+@dataclass(frozen=True)
+class Performance:
+    """Bound sigma_max(w_P S) < 1 with w_P = (1/M) (tau_P s + 1)/(tau_P s + A/M), SLH eq. 29.
+
+    Parameters
+    ----------
+    max_peak : float
+        M > 1: greatest permitted peak of the sensitivity.
+    offset : float
+        A: permitted relative steady-state offset, 0 <= A < 1.
+    tau_p : float or None
+        Closed-loop time constant tau_P > 0 in the caller's time unit; None where it is sought.
+
+    """
+
+    max_peak: float = 2.0
+    offset: float = 0.0
+    tau_p: float | None = None
+
+    def __post_init__(self) -> None:
+        if not 1 < self.max_peak <= LARGEST:
+            message = "the permitted peak of the sensitivity must exceed 1"
+            raise InvalidInputError(message, "/max_peak")
+        if not 0 <= self.offset < 1:
+            message = "the permitted offset must lie in 0..1, 1 excluded"
+            raise InvalidInputError(message, "/offset")
+        if self.tau_p is not None and not 0 < self.tau_p <= LARGEST:
+            message = f"tau_p must be positive and at most {LARGEST:g}"
+            raise InvalidInputError(message, "/tau_p")
+        refuse_vanishing(self.offset / self.max_peak, "/offset")
+        if self.tau_p is not None:
+            refuse_vanishing(self.tau_p / self.max_peak, "/tau_p")
+
+    def with_tau_p(self, tau_p: float) -> Performance:
+        """Return the same demand at the time constant `tau_p`."""
+        return replace(self, tau_p=tau_p)
+
+    @cached_property
+    def weight(self) -> TransferFunction:
+        """w_P(s). Needs `tau_p`."""
+        if self.tau_p is None:
+            message = "tau_p is needed for the performance weight"
+            raise InvalidInputError(message, "/tau_p")
+        M = self.max_peak
+        return TransferFunction((self.tau_p / M, 1 / M), (self.tau_p, self.offset / M))
+
+    def magnitude(self, omega: ArrayLike) -> NDArray[np.float64]:
+        """Return |w_P| at `omega` > 0 (rad per time unit), (k,). Needs `tau_p`."""
+        return np.abs(self.weight.response(omega))

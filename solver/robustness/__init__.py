@@ -1,0 +1,1 @@
+"""Robustness of given loops: mu over frequency, margins, worst cases, loops out of service."""

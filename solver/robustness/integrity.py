@@ -1,0 +1,340 @@
+"""Integrity: what happens when loops are put in manual, or their gains are turned down.
+
+Every subset of loops in service is analysed on its own plant: nominal stability, and the peaks
+of mu for robust stability and robust performance of the loops that remain. Units of a parallel
+plant with equal settings are interchangeable, so a set is known by how many of each group it
+holds: n = 50 in two groups of 25 has 675 kinds of sets in place of 2^50 - 1.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from solver.interaction.integral_controllability import (
+    IntegralControllability,
+    integral_controllability,
+    parallel_integral_controllability,
+)
+from solver.interaction.parallel_matrix import ParallelMatrix
+from solver.model.blocks import group_loops
+from solver.model.controllers import Controller
+from solver.model.errors import InvalidInputError
+from solver.model.plants import ParallelPlant
+from solver.model.subsystems import interchangeable
+from solver.robustness.analysis import LoopAnalysis
+from solver.robustness.subset_peaks import peaks
+from solver.robustness.subsets import Subsets
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from solver.model.peaks import Peak
+    from solver.model.plants import Plant
+    from solver.model.weights import Performance, Uncertainty
+
+__all__ = [
+    "MAX_CLASSES",
+    "Detuning",
+    "Integrity",
+    "ServiceClass",
+    "in_one_line",
+    "integrity",
+    "service_classes",
+    "summarise",
+]
+
+MAX_CLASSES = 1023  # all subsets of ten loops, or two groups of 31
+READABLE = 10**6  # counts above are given as shares
+TOLERANCE = 1e-6  # a tuning ends with its peak at one, to rounding
+MAX_IN_PASSING = 300  # kinds of sets times the square of the block's size: four different loops
+MAX_DETUNED = 800  # six loops at three factors are 728
+LEVELS = (5, 4, 3)  # equidistant gain factors, 0 and 1 among them: the most that are allowed
+
+
+@dataclass(frozen=True)
+class ServiceClass:
+    """Sets of loops in service that symmetry makes equal.
+
+    Attributes
+    ----------
+    in_service : tuple of int
+        How many loops of each group are in service, at least one in all.
+    subsets : int
+        How many sets of loops this stands for, exact.
+    nominally_stable : bool
+        Whether the loops in service are stable.
+    robust_stability, robust_performance : Peak or None
+        Peaks of mu of the loops in service; None where they are unstable.
+
+    """
+
+    in_service: tuple[int, ...]
+    subsets: int
+    nominally_stable: bool
+    robust_stability: Peak | None
+    robust_performance: Peak | None
+
+
+@dataclass(frozen=True)
+class Detuning:
+    """Nominal stability with gains reduced independently, on a grid: no proof between its points.
+
+    Attributes
+    ----------
+    factors : tuple of float
+        The factors tried on each gain; 0 is a loop in manual.
+    by_group : bool
+        Whether the loops of a group were reduced alike, there being too many combinations.
+    combinations, unstable : int
+        Combinations tried, interchangeable ones once, and those found unstable.
+    example : tuple of float or None
+        Factor of each unit in an unstable combination.
+
+    """
+
+    factors: tuple[float, ...]
+    by_group: bool
+    combinations: int
+    unstable: int
+    example: tuple[float, ...] | None
+
+
+@dataclass(frozen=True)
+class Integrity:
+    """Integrity of the loops of a plant.
+
+    Attributes
+    ----------
+    groups : tuple of tuples of int
+        Units whose loops are interchangeable.
+    classes : tuple of ServiceClass
+        All kinds of sets in service, those with the most loops first.
+    detuning : Detuning or None
+        None where even two groups' worth of combinations would be too many.
+    controllability : IntegralControllability or None
+        Conditions on the plant for any controllers; None for an integrating plant, whose static
+        gain is infinite.
+
+    """
+
+    groups: tuple[tuple[int, ...], ...]
+    classes: tuple[ServiceClass, ...]
+    detuning: Detuning | None
+    controllability: IntegralControllability | None
+
+    @property
+    def stable(self) -> bool:
+        """Whether the loops stay nominally stable whichever of them are in manual."""
+        return all(each.nominally_stable for each in self.classes)
+
+    @property
+    def summary(self) -> str:
+        """One line; see `summarise`."""
+        return summarise(self.classes)
+
+
+def integrity(
+    plant: Plant,
+    uncertainty: Uncertainty,
+    performance: Performance,
+    loops: Sequence[Controller],
+) -> Integrity:
+    """Analyse given loops with any of them in manual.
+
+    Parameters
+    ----------
+    plant : Plant
+        Open-loop stable or integrating.
+    uncertainty, performance : Uncertainty, Performance
+        The weights; `performance.tau_p` is needed.
+    loops : sequence of Controller
+        One a unit.
+
+    Raises
+    ------
+    InvalidInputError
+        Not one loop a unit, no `tau_p`, more than `MAX_CLASSES` kinds of sets.
+    UnsupportedPlantError
+        The plant is open-loop unstable.
+
+    """
+    classes = service_classes(plant, uncertainty, performance, loops)
+    groups = interchangeable(plant, loops)
+    return Integrity(groups, classes, _detuning(plant, loops, groups), _controllability(plant))
+
+
+def service_classes(
+    plant: Plant,
+    uncertainty: Uncertainty,
+    performance: Performance,
+    loops: Sequence[Controller],
+) -> tuple[ServiceClass, ...]:
+    """Return all kinds of sets of loops in service, those with the most loops first.
+
+    Parameters, errors: as for `integrity`.
+    """
+    if performance.tau_p is None:
+        message = "an analysis needs a time constant"
+        raise InvalidInputError(message, "/performance/tau_p")
+    if len(loops) != plant.n:
+        message = f"{len(loops)} loops for a plant of {plant.n} units"
+        raise InvalidInputError(message, "/loops")
+    groups = interchangeable(plant, loops)
+    count = math.prod(len(group) + 1 for group in groups) - 1
+    if count > MAX_CLASSES:
+        message = (
+            f"{_number(count)} kinds of sets of loops in service, at most {MAX_CLASSES} are "
+            "analysed; give more loops equal settings"
+        )
+        raise InvalidInputError(message, "/loops")
+    kinds = sorted(
+        itertools.product(*(range(len(group), -1, -1) for group in groups)), key=sum, reverse=True
+    )[:-1]
+    controllers = tuple(loops[group[0]] for group in groups)
+    sets = Subsets(plant, controllers, np.array(kinds, dtype=float))
+    stable = sets.unstable_poles() == 0
+    analysed = Subsets(plant, controllers, sets.counts[stable])
+    # The grid of all loops together resolves every part of them; the peaks are refined.
+    omega = LoopAnalysis(
+        *group_loops(plant, loops, uncertainty.structure), uncertainty, performance
+    ).omega[::2]
+    robust_stability, robust_performance = map(
+        iter, peaks(analysed, uncertainty, performance, omega)
+    )
+    return tuple(
+        ServiceClass(
+            kind,
+            math.prod(math.comb(len(group), k) for group, k in zip(groups, kind, strict=True)),
+            good,
+            next(robust_stability) if good else None,
+            next(robust_performance) if good else None,
+        )
+        for kind, good in zip(kinds, stable.tolist(), strict=True)
+    )
+
+
+def in_one_line(
+    plant: Plant,
+    uncertainty: Uncertainty,
+    performance: Performance,
+    loops: Sequence[Controller],
+) -> str:
+    """Return the summary for a tuning's result, where it takes a fraction of a second.
+
+    Otherwise say that it was left out. Parameters, errors: as for `integrity`.
+    """
+    groups = interchangeable(plant, loops)
+    count = math.prod(len(group) + 1 for group in groups) - 1
+    if count * len(groups) ** 2 > MAX_IN_PASSING:
+        return f"loops out of service: {_number(count)} kinds of sets, not analysed in passing"
+    return summarise(service_classes(plant, uncertainty, performance, loops))
+
+
+def summarise(classes: Sequence[ServiceClass]) -> str:
+    """Say in one line how many of the sets of loops in service are stable, robust, performing."""
+    total = sum(each.subsets for each in classes)
+
+    def count(condition: Iterable[bool]) -> str:
+        kept = sum(each.subsets for each, holds in zip(classes, condition, strict=True) if holds)
+        if kept in {0, total}:
+            return "all" if kept else "none"
+        return f"{kept:,}" if total < READABLE else _share(Fraction(kept, total))
+
+    stable = count(each.nominally_stable for each in classes)
+    robust = count(_kept(each.robust_stability) for each in classes)
+    performing = count(_kept(each.robust_performance) for each in classes)
+    sets = "set" if total == 1 else "sets"
+    return (
+        f"loops out of service: of {_number(total)} {sets} of loops in service {stable} "
+        f"stable, {robust} robustly stable, {performing} with robust performance"
+    )
+
+
+def _detuning(
+    plant: Plant, loops: Sequence[Controller], groups: Sequence[Sequence[int]]
+) -> Detuning | None:
+    """Try reduced gains on the finest grid that is small enough."""
+    for by_group in (False, True):
+        for levels in LEVELS:
+            sizes = [1 if by_group else len(group) for group in groups]
+            count = math.prod(math.comb(size + levels - 1, size) for size in sizes) - 1
+            if count <= MAX_DETUNED:
+                factors = tuple(level / (levels - 1) for level in range(levels))
+                return _detuned(plant, loops, groups, factors, by_group=by_group)
+    return None
+
+
+def _detuned(
+    plant: Plant,
+    loops: Sequence[Controller],
+    groups: Sequence[Sequence[int]],
+    factors: tuple[float, ...],
+    *,
+    by_group: bool,
+) -> Detuning:
+    choices = [
+        [(factor,) * len(group) for factor in factors]
+        if by_group
+        else list(itertools.combinations_with_replacement(factors, len(group)))
+        for group in groups
+    ]
+    units = [unit for group in groups for unit in group]
+    factor = np.zeros((math.prod(len(given) for given in choices), plant.n))
+    for row, choice in enumerate(itertools.product(*choices)):
+        factor[row, units] = list(itertools.chain.from_iterable(choice))
+    factor = factor[factor.any(axis=1)]
+    controllers, counts = tuple(loops), factor
+    if isinstance(plant, ParallelPlant):
+        controllers = tuple(
+            Controller(loop.gain * level, loop.integral_time, loop.derivative_time)
+            for loop in (loops[group[0]] for group in groups)
+            for level in factors[1:]
+        )
+        counts = np.stack(
+            [
+                np.count_nonzero(factor[:, group] == level, axis=1)
+                for group in groups
+                for level in factors[1:]
+            ],
+            axis=1,
+        ).astype(float)
+    unstable = Subsets(plant, controllers, counts).unstable_poles() > 0
+    return Detuning(
+        factors=factors,
+        by_group=by_group,
+        combinations=len(factor),
+        unstable=int(np.count_nonzero(unstable)),
+        example=tuple(factor[np.argmax(unstable)].tolist()) if unstable.any() else None,
+    )
+
+
+def _controllability(plant: Plant) -> IntegralControllability | None:
+    if any(not math.isfinite(element.static_gain) for element in plant.elements):
+        return None
+    if isinstance(plant, ParallelPlant):
+        other = plant.interaction.static_gain if plant.n > 1 else 0.0
+        return parallel_integral_controllability(
+            ParallelMatrix(plant.n, plant.process.static_gain, other)
+        )
+    return integral_controllability(np.asarray(plant.static_gain()))
+
+
+def _kept(peak: Peak | None) -> bool:
+    return peak is not None and peak.value <= 1 + TOLERANCE
+
+
+def _share(part: Fraction) -> str:
+    percent = 100 * float(part)
+    if percent > 99.9:
+        return "over 99.9 %"
+    return f"{percent:.3g} %" if percent >= 0.1 else "under 0.1 %"
+
+
+def _number(count: int) -> str:
+    return f"{count:,}" if count < READABLE else f"about 10^{math.log10(count):.0f}"

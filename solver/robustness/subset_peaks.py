@@ -1,0 +1,242 @@
+"""Peaks of mu of many subsets of one plant's loops, the kernel running over all in one sweep."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from solver.model.blocks import reduce
+from solver.model.peaks import Peak, zoom
+from solver.model.plants import MatrixPlant, ParallelPlant
+from solver.mu.kernel import FINE
+from solver.mu.scaling import sweep
+from solver.mu.structure import BlockStructure, bound_of_scales
+from solver.robustness.worst_case import interconnection
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from solver.model.blocks import LoopBlocks
+    from solver.model.plants import Plant
+    from solver.model.weights import Performance, Uncertainty
+    from solver.robustness.subsets import Subsets
+
+__all__ = ["peaks"]
+
+COARSE = 1e-4  # last barrier parameter while a peak is located; its value is found with FINE
+WITHIN = 0.05  # local maxima lower than the greatest by more than this share are not refined
+SECTIONS = 8  # of a bracket; each round keeps two of them
+ROUNDS = 4  # 4^4 = 256: a step of a tenth of a decade becomes 1e-3, and the peak's error 1e-6
+MAX_ENTRIES = 4_000_000  # complex numbers in one batch of matrices, for the memory's sake
+
+
+def peaks(
+    subsets: Subsets,
+    uncertainty: Uncertainty,
+    performance: Performance,
+    omega: NDArray[np.float64],
+) -> tuple[list[Peak], list[Peak]]:
+    """Return the refined peaks of mu of each subset, all nominally stable.
+
+    Parameters
+    ----------
+    subsets : Subsets
+        Loops in service.
+    uncertainty, performance : Uncertainty, Performance
+        The weights.
+    omega : (k,) rad per time unit
+        Ascending grid that resolves all of them.
+
+    Returns
+    -------
+    stability, performance : list of Peak
+        Upper bounds, from the D-scales at the frequency found.
+
+    """
+    where, values = np.empty((2, 2, len(subsets.counts)))
+    for members in _families(subsets):
+        family = _Family.of(subsets, members, uncertainty, performance)
+        step = max(MAX_ENTRIES // (omega.size * 8 * family.channels.shape[1] ** 2), 1)
+        for first in range(0, members.size, step):
+            rows = np.arange(first, min(first + step, members.size))
+            found = family.peak_frequencies(rows, omega)
+            where[:, members[rows]] = found
+            values[:, members[rows]] = family.bounds(rows, found)
+    stability, robust = (
+        [Peak(*peak) for peak in zip(*both, strict=True)]
+        for both in zip(values.tolist(), where.tolist(), strict=True)
+    )
+    return stability, robust
+
+
+def _families(subsets: Subsets) -> list[NDArray[np.intp]]:
+    """Return the indices of subsets whose loops fall into blocks of equal layout."""
+    if isinstance(subsets.plant, ParallelPlant):
+        keys = np.minimum(subsets.counts, 2)
+        used_first = np.argsort(keys == 0, axis=1, kind="stable")
+        keys = np.take_along_axis(keys, used_first, axis=1)
+    else:
+        keys = subsets.counts.sum(axis=1, keepdims=True)
+    _, family = np.unique(keys, axis=0, return_inverse=True)
+    return [np.flatnonzero(family == index) for index in range(family.max(initial=-1) + 1)]
+
+
+@dataclass(frozen=True)
+class _Family:
+    """Subsets whose blocks have equal layout, and what is asked of them.
+
+    `channels` and `counts` (members, m): the controllers of the first block, and their units.
+    `blocks`: the blocks of one of them.
+    """
+
+    subsets: Subsets
+    channels: NDArray[np.intp]
+    counts: NDArray[np.float64]
+    blocks: LoopBlocks
+    uncertainty: Uncertainty
+    performance: Performance
+
+    @classmethod
+    def of(
+        cls,
+        subsets: Subsets,
+        members: NDArray[np.intp],
+        uncertainty: Uncertainty,
+        performance: Performance,
+    ) -> _Family:
+        """Return the family of the subsets `members`."""
+        counts = subsets.counts[members]
+        channels = np.nonzero(counts)[1].reshape(members.size, -1)
+        counts = np.take_along_axis(counts, channels, axis=1)
+        plant = subsets.plant
+        if isinstance(plant, ParallelPlant):
+            # Two units stand for any larger number: the layout is the same.
+            sizes = np.minimum(counts[0], 2).astype(int)
+            ends = np.cumsum(sizes)
+            groups = [
+                range(end - size, end)
+                for end, size in zip(ends.tolist(), sizes.tolist(), strict=True)
+            ]
+            sample: Plant = ParallelPlant(int(ends[-1]), plant.process, plant.interaction)
+        else:
+            units = channels[0].tolist()
+            groups = [range(row, row + 1) for row in range(len(units))]
+            sample = MatrixPlant([[plant.element(row, col) for col in units] for row in units])
+        blocks = reduce(sample, groups, uncertainty.structure)
+        return cls(subsets, channels, counts, blocks, uncertainty, performance)
+
+    def peak_frequencies(
+        self, members: NDArray[np.intp], omega: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Frequencies (2, members) of the greatest mu of stability and of performance.
+
+        Found by zooming in on local maxima.
+        """
+        tasks = np.arange(2 * members.size)
+        values = self._levels(members, tasks, np.tile(omega, (tasks.size, 1)))
+        padded = np.pad(values, ((0, 0), (1, 1)), constant_values=-np.inf)
+        top = (values >= padded[:, :-2]) & (values > padded[:, 2:])
+        near = values >= (1 - WITHIN) * values.max(axis=1, keepdims=True)
+        owner, found = np.nonzero(top & near)
+        low = np.log(omega[np.maximum(found - 1, 0)])
+        high = np.log(omega[np.minimum(found + 1, omega.size - 1)])
+        best, best_value = zoom(
+            lambda rows, points: self._levels(members, owner[rows], points),
+            low, high, omega[found], values[owner, found],
+            sections=SECTIONS, rounds=ROUNDS, rivals=owner,
+        )  # fmt: skip
+        order = np.argsort(best_value, kind="stable")  # the last one written is the greatest
+        frequencies = np.empty(tasks.size)
+        frequencies[owner[order]] = best[order]
+        return frequencies.reshape(2, -1)
+
+    def bounds(self, members: NDArray[np.intp], omega: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Upper bounds of mu of each member at its own `omega` (2, members), from D-scales."""
+        size = members.size
+        loops = self._at(np.tile(members, 2), omega.ravel(), size)
+        _, d = self._sweep(loops, FINE)
+        greatest = np.zeros((2, size))
+        for block, first in zip(self.blocks.blocks, self.blocks.layout[2], strict=False):
+            m = block.size
+            plant = loops.G[:, first : first + m, :m]
+            N = interconnection(
+                plant, loops.c[:, list(block.channels)], loops.uncertainty, loops.performance
+            )
+            used = sorted(set(block.scales))
+            scales = tuple(used.index(scale) for scale in block.scales)
+            own = d[:, used]
+            here = (
+                bound_of_scales(N[:size, :m, :m], own[:size], BlockStructure(scales, 0)).mu,
+                bound_of_scales(N[size:], own[size:], BlockStructure(scales, m)).mu,
+            )
+            greatest = np.maximum(greatest, here)
+        return greatest
+
+    def _levels(
+        self, members: NDArray[np.intp], tasks: NDArray[np.intp], omega: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return mu at `omega` (r, q), as the kernel's level says it.
+
+        The `tasks` (r,), ascending, are numbered from 0: stability of each of the `members`, then
+        performance of each. The rows of each go to the kernel one frequency after the other: it
+        starts each solve at the scales of the last, and neighbouring subsets differ less than the
+        ends of a grid.
+        """
+        split = int(np.searchsorted(tasks, members.size))
+        both = slice(split), slice(split, None)
+        loops = self._at(
+            np.concatenate(
+                [np.tile(members[tasks[p] % members.size], omega.shape[1]) for p in both]
+            ),
+            np.concatenate([omega[part].T.ravel() for part in both]),
+            split * omega.shape[1],
+        )
+        mu = np.exp(-0.5 * self._sweep(loops, COARSE)[0])
+        ends = mu[: loops.split], mu[loops.split :]
+        return np.concatenate([part.reshape(omega.shape[1], -1).T for part in ends])
+
+    def _at(self, members: NDArray[np.intp], omega: NDArray[np.float64], split: int) -> _Loops:
+        """Return the loops of the `members` (k,), each at its own `omega` (k,)."""
+        channels, counts = self.channels[members], self.counts[members]
+        c = np.take_along_axis(self.subsets.controller_response(omega), channels, axis=1)
+        means = self.subsets.plant_response(omega, channels, counts)
+        rows, size = int(self.blocks.layout[2][-1]), channels.shape[1]
+        G = np.zeros((omega.size, rows, size), dtype=complex)
+        G[:, :size] = means
+        if rows > size:
+            G[:, size:, 0] = self.subsets.modes(omega)[0][:, None]
+        w_I, w_P = (each.weight.response(omega) for each in (self.uncertainty, self.performance))
+        return _Loops(G, c, w_I, w_P, split)
+
+    def _sweep(self, loops: _Loops, nu: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Level (k,) and D-scales (k, scales)."""
+        u, b = np.abs(loops.uncertainty) ** 2, np.abs(loops.performance) ** 2
+        b[: loops.split] = 0.0
+        y = np.zeros((u.size, self.blocks.n_scales))
+        scales_all = True
+        starts_at_the_last = True
+        level = [
+            sweep(
+                loops.G[part], loops.c[part], u[part], b[part], self.blocks.layout,
+                scales_all, nu, starts_at_the_last, y[part],
+            )[0]
+            for part in (slice(loops.split), slice(loops.split, None))
+        ]  # fmt: skip
+        return np.concatenate(level), np.exp(0.5 * y)
+
+
+@dataclass(frozen=True)
+class _Loops:
+    """Loops of a family, k rows.
+
+    `G` as `LoopBlocks.packed` has it, controllers `c` (k, m), responses of the weights (k,). The
+    first `split` rows are asked for robust stability, the others for robust performance.
+    """
+
+    G: NDArray[np.complex128]
+    c: NDArray[np.complex128]
+    uncertainty: NDArray[np.complex128]
+    performance: NDArray[np.complex128]
+    split: int

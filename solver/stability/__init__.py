@@ -1,0 +1,1 @@
+"""Nominal stability of closed loops, dead time exact."""

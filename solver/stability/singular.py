@@ -1,0 +1,97 @@
+"""Gains that are singular to working accuracy, and the closed-loop poles at s = 0 they leave.
+
+Integral action in a loop puts a pole at s = 0 into the open loop. It moves away in the closed loop
+only if the static gain of the plant lets the controllers hold all outputs independently; in each
+direction in which the gain is singular one stays, and det(I + G C) does not show it.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, TypeVar, cast
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from solver.model.plants import MatrixPlant, ParallelPlant
+
+__all__ = [
+    "SINGULAR_CONDITION",
+    "equilibrate",
+    "has_empty_line",
+    "is_singular",
+    "matrix_origin_poles",
+    "parallel_origin_poles",
+]
+
+# Elements of the relative gain array grow with the condition number of the equilibrated gain;
+# beyond this one fewer than three digits of them would be left.
+SINGULAR_CONDITION = 1e13
+
+_Number = TypeVar("_Number", bound=np.inexact[Any])
+
+
+def is_singular(matrix: NDArray[np.inexact[Any]]) -> bool:
+    """Whether the square matrix is singular to working accuracy, units of its signals apart."""
+    if has_empty_line(matrix):
+        return True
+    return bool(np.linalg.cond(equilibrate(matrix)) > SINGULAR_CONDITION)
+
+
+def parallel_origin_poles(plant: ParallelPlant, units: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Count the closed-loop poles at s = 0 with that many `units` in service, (k,).
+
+    The gain of the sum is g + (m - 1) i, that of the m - 1 differences g - i. Integrating units
+    count where g and i are the same function.
+
+    Parameters
+    ----------
+    plant : ParallelPlant
+        The plant with all its units.
+    units : (k,)
+        m, at least 1.
+
+    """
+    own, other = plant.process.static_gain, plant.interaction.static_gain
+    if not (np.isfinite(own) and np.isfinite(other)):
+        return np.asarray((units - 1) * int(plant.process == plant.interaction))
+    size = abs(own) + (units - 1) * abs(other)
+    lost_sum = np.abs(own + (units - 1) * other) * SINGULAR_CONDITION <= size
+    lost_difference = abs(own - other) * SINGULAR_CONDITION <= abs(own) + abs(other)
+    return np.asarray(lost_sum + (units - 1) * int(lost_difference))
+
+
+def matrix_origin_poles(plant: MatrixPlant, in_service: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Count the closed-loop poles at s = 0 with those loops `in_service` (k, n), (k,).
+
+    Integrating plants are not looked at: none are counted.
+    """
+    gain = plant.static_gain()
+    counts = np.zeros(len(in_service), dtype=np.int64)
+    if not np.isfinite(gain).all():
+        return counts
+    masks, which = np.unique(in_service, axis=0, return_inverse=True)
+    for index, mask in enumerate(masks):
+        part = gain[np.ix_(mask, mask)]
+        if is_singular(part):
+            counts[which.ravel() == index] = max(mask.sum() - np.linalg.matrix_rank(part), 1)
+    return counts
+
+
+def has_empty_line(matrices: NDArray[np.inexact[Any]]) -> NDArray[np.bool_]:
+    """Whether a row or column of each matrix (..., n, n) is zero."""
+    present = matrices != 0
+    filled = np.all(np.any(present, axis=-1), axis=-1) & np.all(np.any(present, axis=-2), axis=-1)
+    return np.asarray(~filled)
+
+
+def equilibrate(matrices: NDArray[_Number]) -> NDArray[_Number]:
+    """Scale rows and columns to magnitude one (Ruiz 2001, infinity norm); none may be zero."""
+    core = matrices
+    # A round halves the distance to one in logarithm: 2^-12 of 24 decades is a factor 1.01.
+    for _ in range(12):
+        row = np.sqrt(np.max(np.abs(core), axis=-1, keepdims=True))
+        column = np.sqrt(np.max(np.abs(core), axis=-2, keepdims=True))
+        core = cast("NDArray[_Number]", core / row / column)
+    return core

@@ -1,0 +1,106 @@
+"""What a tuning returns, and what it tells on the way. A failure is a status with its reason."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from solver.certificate import Certificate
+    from solver.model.controllers import Controller
+    from solver.optimality.record import Optimality
+    from solver.robustness.record import Curves, Peaks
+
+__all__ = ["Comparison", "LocalOptimum", "Progress", "SearchSummary", "Status", "Tuning"]
+
+
+class Status(StrEnum):
+    """How a tuning ended, and what to try next.
+
+    OPTIMAL: the best settings found meet the specification.
+    INFEASIBLE: none were found that do; `Tuning.reason` names what forbids it. Try (a) less
+    uncertainty, (b) a larger permitted sensitivity peak, (c) wider parameter bounds.
+    TIME_LIMIT: the search was cut short; the settings, if any, are the best up to then. Try (a)
+    a longer time limit, (b) fewer starts.
+    """
+
+    OPTIMAL = "optimal"
+    INFEASIBLE = "infeasible"
+    TIME_LIMIT = "time_limit"
+
+
+@dataclass(frozen=True)
+class LocalOptimum:
+    """A distinct local optimum: its value, how many starts ended there, its loops.
+
+    Permuted copies count as one. The value of one that cannot win is of the search's grid.
+    """
+
+    value: float
+    count: int
+    loops: tuple[Controller, ...]
+
+
+@dataclass(frozen=True)
+class SearchSummary:
+    """What the search did: starts made, best optima found (best first), seed, duration."""
+
+    starts: int
+    local_optima: tuple[LocalOptimum, ...]
+    seed: int
+    elapsed_seconds: float
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What asymmetry buys: the best identical settings beside the best ones.
+
+    `gain_percent` is 100 (1 - best/identical) of the objective.
+    """
+
+    identical_value: float
+    identical_loop: Controller
+    gain_percent: float
+
+
+@dataclass(frozen=True)
+class Progress:
+    """State of a running tuning.
+
+    `fraction` in 0..1; `best` is the objective so far, None before the first feasible settings.
+    """
+
+    fraction: float
+    best: float | None
+    starts_done: int
+    starts: int
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """Outcome of a tuning.
+
+    `tau_p` (time units) and the peaks belong to `loops`, one a unit, `groups` lists the units
+    that share settings; `integrity` says in one line what happens with loops in manual;
+    `optimality` how far tau_p is from the least possible one. Where
+    `status` is INFEASIBLE, `reason` and `omega` (the frequency that forbids it, rad per time
+    unit) say why, and the other fields are None or empty.
+    """
+
+    status: Status
+    objective: str
+    tau_p: float | None
+    peaks: Peaks | None
+    loops: tuple[Controller, ...]
+    groups: tuple[tuple[int, ...], ...]
+    nominally_stable: bool
+    search: SearchSummary
+    curves: Curves | None
+    comparison: Comparison | None = None
+    certificate: Certificate | None = None
+    optimality: Optimality | None = None
+    integrity: str | None = None
+    reason: str | None = None
+    omega: float | None = None
+    warnings: tuple[str, ...] = field(default=())

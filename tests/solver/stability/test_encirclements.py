@@ -1,0 +1,79 @@
+"""Counts of unstable poles for many loops at once, against the roots of the polynomials."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from solver.stability.encirclements import Batch, count_unstable
+
+# num, den of L, den without roots in the open right half plane.
+LOOPS = [
+    ([1.0], [1.0, 1.0]),
+    ([-2.0], [1.0, 1.0]),
+    ([8.5], [1.0, 3.0, 3.0, 1.0]),
+    ([7.5], [1.0, 3.0, 3.0, 1.0]),
+    ([100.0], [1.0, 3.0, 3.0, 1.0]),
+    ([1.0, 1.0], [1.0, 0.0, 0.0]),
+    ([1.0], [1.0, 1.0, 0.0, 0.0]),
+    ([0.1, 1.0], [1.0, 1.0, 0.0, 0.0]),
+    ([2.0, 4.0, 2.0], [1.0, 0.0, 0.0, 0.0]),
+    ([0.2, 0.4, 0.2], [1.0, 0.0, 0.0, 0.0]),
+    ([-0.1], [1.0, 0.0]),
+    ([-3.0, 1.0], [1.0, 2.0]),
+    ([-0.5, 1.0], [1.0, 2.0]),
+]
+BENDS = np.array([0.05, 20.0])
+
+
+def scalar_loops(loops: list[tuple[list[float], list[float]]], dead_time: float = 0.0) -> Batch:
+    """The given scalar loops as one batch."""
+
+    def loop_gain(omega: NDArray[np.float64]) -> NDArray[np.complex128]:
+        s = 1j * omega
+        values = [np.polyval(num, s) / np.polyval(den, s) for num, den in loops]
+        return (np.stack(values, axis=-1) * np.exp(-dead_time * s)[:, None])[:, :, None, None]
+
+    biproper = any(len(num) == len(den) for num, den in loops)
+    return Batch(loop_gain, BENDS, np.array([]), dead_time > 0, biproper)
+
+
+def test_counts_are_those_of_the_closed_loop_polynomial() -> None:
+    """Stable, unstable, integrating and biproper loops, all in one batch."""
+    expected = [np.count_nonzero(np.roots(np.polyadd(num, den)).real > 0) for num, den in LOOPS]
+    assert len(set(expected)) == 3
+    assert count_unstable(scalar_loops(LOOPS)).tolist() == expected
+
+
+def test_each_loop_counts_as_it_does_alone() -> None:
+    """What stands beside a loop in its batch does not matter."""
+    together = count_unstable(scalar_loops(LOOPS)).tolist()
+    assert together == [count_unstable(scalar_loops([loop]))[0] for loop in LOOPS]
+
+
+def test_a_pole_on_the_axis_counts_as_unstable() -> None:
+    """L = 8/(s + 1)^3 is on the verge; its neighbours in the batch are not touched."""
+    verge = [([8.0], [1.0, 3.0, 3.0, 1.0]), ([7.0], [1.0, 3.0, 3.0, 1.0])]
+    found = count_unstable(scalar_loops(verge))
+    assert found[0] > 0
+    assert found[1] == 0
+
+
+@pytest.mark.parametrize(("gain", "count"), [(1.5, 0), (1.6, 2), (8.0, 4)])
+def test_dead_time(gain: float, count: int) -> None:
+    """L = k e^(-s)/s loses two poles to the right at k = pi/2, two more at 5 pi/2."""
+    assert count_unstable(scalar_loops([([gain], [1.0, 0.0])], 1.0)).tolist() == [count]
+
+
+def test_coupled_loops_count_by_their_determinant() -> None:
+    """A triangular 2 x 2 loop has the unstable poles of both its diagonal elements."""
+
+    def loop_gain(omega: NDArray[np.float64]) -> NDArray[np.complex128]:
+        s = 1j * omega
+        L = np.zeros((omega.size, 1, 2, 2), dtype=complex)
+        L[:, 0, 0, 0] = 100 / (s + 1) ** 3
+        L[:, 0, 1, 1] = -2 / (s + 1)
+        L[:, 0, 0, 1] = 5 / (s + 2)
+        return L
+
+    found = count_unstable(Batch(loop_gain, BENDS, np.array([]), dead_time=False, biproper=False))
+    assert found.tolist() == [3]
