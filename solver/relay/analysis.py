@@ -22,8 +22,8 @@ from solver.relay.mcavoy import McAvoy, mcavoy
 from solver.relay.periodic import PeriodicSolution, RelayLoop, periodic_solutions
 from solver.relay.settings import Settings, settings
 from solver.relay.switching import RelaySwitching
+from solver.simulation.bounds import default_bounds, sizes_of
 from solver.simulation.closed_loop import events
-from solver.simulation.experiment import default_bound
 from solver.simulation.integrator import End, integrate
 
 if TYPE_CHECKING:
@@ -162,7 +162,7 @@ def relay_experiment(experiment: RelayExperiment) -> RelayOutcome:
         experiment.duration,
         events(experiment.steps, closed, wired.paths),
         outputs=outputs,
-        bound=default_bound(experiment.plant, abs(experiment.relay.amplitude), experiment.duration),
+        bound=_bounds(experiment, wired),
         switching=switching,
     )
     times = np.array(switching.times)
@@ -186,6 +186,15 @@ def relay_experiment(experiment: RelayExperiment) -> RelayOutcome:
         else None,
         final_outputs=tuple(float(row[-1]) for row in signals[0]),
         theory=_theory(experiment, loop),
+    )
+
+
+def _bounds(experiment: RelayExperiment, wired: RelayWiring) -> NDArray[np.float64]:
+    kind_of = {units[0]: kind for kind, units in enumerate(wired.paths.units)}
+    inputs, outputs = sizes_of(experiment.steps, kind_of, wired.paths.size)
+    inputs[wired.input] += abs(experiment.relay.amplitude)
+    return default_bounds(
+        wired.paths, wired.loops, wired.distribution, experiment.duration, (inputs, outputs)
     )
 
 

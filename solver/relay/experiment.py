@@ -21,6 +21,8 @@ from solver.simulation.experiment import MAX_SAMPLES, Step
 from solver.simulation.paths import Paths, alike
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from solver.model.plants import Plant
     from solver.simulation.loops import Loop
 
@@ -145,10 +147,15 @@ class RelayExperiment:
 
 @dataclass(frozen=True)
 class RelayWiring:
-    """An experiment wired: the kinds of units in `paths`, and which of them the relay joins."""
+    """An experiment wired: the kinds of units in `paths`, and which of them the relay joins.
+
+    `loops` acts on the outputs, one a kind; `distribution` leads from them to the inputs.
+    """
 
     closed: ClosedLoop
     paths: Paths
+    loops: tuple[Loop | None, ...]
+    distribution: NDArray[np.float64]
     output: int
     input: int
 
@@ -187,4 +194,6 @@ def wire(experiment: RelayExperiment) -> RelayWiring:
         loops[kind[each.output]] = each.loop
         distribution[kind[each.input], kind[each.output]] = 1.0
     closed = close(paths, loops, distribution)
-    return RelayWiring(closed, paths, kind[experiment.output], kind[experiment.input])
+    return RelayWiring(
+        closed, paths, tuple(loops), distribution, kind[experiment.output], kind[experiment.input]
+    )

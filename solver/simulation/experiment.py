@@ -24,22 +24,10 @@ __all__ = [
     "Experiment",
     "Step",
     "StepKind",
-    "default_bound",
 ]
 
 MAX_STEPS_GIVEN = 20_000  # two on each unit of the largest plant
 MAX_SAMPLES = 20_001
-_FAR = 1e6
-
-
-def default_bound(plant: Plant, size: float, duration: float) -> float:
-    """Return a bound that outputs moved by signals of `size` stay below, unless unstable.
-
-    It is a million times the size, or a million times what the plant's largest gain at the
-    frequency 1/duration makes of it.
-    """
-    gains = [abs(complex(element(1j / duration))) for element in plant.elements]
-    return _FAR * size * max(1.0, *gains)
 
 
 class StepKind(StrEnum):
@@ -98,7 +86,8 @@ class Experiment:
         Wanted inputs from controller outputs: a static decoupler, or the shares of one
         controller. None: the identity.
     bound : float or None
-        The simulation ends where an output exceeds it. None: that of `default_bound`.
+        The simulation ends where an output exceeds it. None: those of
+        `default_bounds`.
 
     """
 

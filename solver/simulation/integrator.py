@@ -70,7 +70,7 @@ def integrate(
     events: Sequence[Event],
     *,
     outputs: Sequence[int],
-    bound: float,
+    bound: NDArray[np.float64],
     switching: Switching | None = None,
 ) -> tuple[Trajectory, End]:
     """Integrate from rest at time zero.
@@ -84,9 +84,9 @@ def integrate(
     events : sequence of Event
         Jumps of the external signals.
     outputs : sequence of int
-        Signals that must stay within `bound` in magnitude.
-    bound : float
-        Where one does not, the integration ends.
+        Signals that must stay within their `bound` in magnitude.
+    bound : (outputs,) ndarray
+        Of each; where one does not, the integration ends.
     switching : Switching, optional
         Limits or relays.
 
@@ -149,7 +149,7 @@ class _Integrator:
         self.trajectory = Trajectory(self.tolerance)
         self.max_steps = min(MAX_STEPS, int(_MAX_VALUES / ((DEGREE + 1) * system.C.shape[0])))
 
-    def run(self, outputs: list[int], bound: float) -> tuple[Trajectory, End]:
+    def run(self, outputs: list[int], bound: NDArray[np.float64]) -> tuple[Trajectory, End]:
         self.switching.start(self.external)
         at_once = 0
         while self.time < self.duration - self.tolerance:

@@ -11,7 +11,7 @@ from collections import OrderedDict
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import expm
+from scipy.linalg import expm, matrix_balance
 from scipy.sparse.csgraph import connected_components
 
 from solver.simulation.chebyshev import DEGREE, DIFFERENTIATION, NODES
@@ -147,11 +147,80 @@ class Propagator:
                 matrix[block, block] = DIFFERENTIATION
                 begin = states + externals + channel * (DEGREE + 1)
                 columns.extend(range(begin, begin + DEGREE + 1))
+            unit = self._units(rows, inputs, channels, length)
             # An unstable process may overflow in a step far too long: the integrator shortens it.
             with np.errstate(over="ignore", invalid="ignore"):
-                exponential = expm(places[:, None, None] * matrix)
-            operator[np.ix_(np.arange(places.size), rows, np.array(columns))] = exponential[:, :own]
+                exponential = expm(places[:, None, None] * (matrix / unit[:, None] * unit))
+                exponential = exponential[:, :own] * unit[:own, None] / unit
+            operator[np.ix_(np.arange(places.size), rows, np.array(columns))] = exponential
         return operator
+
+    def _units(
+        self,
+        rows: NDArray[np.int_],
+        inputs: NDArray[np.int_],
+        channels: NDArray[np.int_],
+        length: float,
+    ) -> NDArray[np.float64]:
+        """Units in which the matrix of one part, see `_operator`, has no needless large entries.
+
+        The exponential is as accurate as the norm of its matrix allows; without this it would
+        depend on the units of the plant's signals.
+        """
+        system = self.system
+        gains = np.hstack(
+            [
+                system.A[np.ix_(rows, rows)],
+                system.B_external[np.ix_(rows, inputs)],
+                system.B_delayed[np.ix_(rows, channels)],
+            ]
+        )
+        unit = natural_units(length * gains)
+        held = rows.size + inputs.size
+        return np.concatenate([unit[:held], np.repeat(unit[held:], DEGREE + 1)])
+
+
+def natural_units(gains: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return units of states and inputs, powers of two, that make the rates alike.
+
+    Those for which the logarithms of the rates |gains[i, j]| unit[j] / unit[i] from one to
+    another have least squares: another choice of units of the signals, or of time, changes them by
+    the same factors. Loops are then balanced.
+
+    Parameters
+    ----------
+    gains : (states, states + inputs)
+        Changes in a step, h x' = gains [x, r].
+
+    Returns
+    -------
+    (states + inputs,) ndarray
+
+    """
+    states, size = gains.shape
+    target, source = np.nonzero(gains)
+    target, source = target[target != source], source[target != source]
+    if not target.size:
+        return np.ones(size)
+    logs = np.log2(np.abs(gains[target, source]))
+    incidence = np.zeros((target.size, size))
+    edges = np.arange(target.size)
+    incidence[edges, target] = 1.0
+    incidence[edges, source] = -1.0
+    # The common rate is a matter of the unit of time, which the signals' units cannot change.
+    incidence = np.column_stack([incidence, np.ones(target.size)])
+    unit: NDArray[np.float64] = np.exp2(
+        np.round(np.linalg.lstsq(incidence, logs, rcond=None)[0][:-1])
+    )
+    scaled = gains * unit / unit[:states, None]
+    _, (factors, _) = matrix_balance(scaled[:, :states], permute=False, separate=True)
+    unit[:states] *= factors
+    # An input needs no more than to be as strong as the strongest state, or to move it at all.
+    strength = np.abs(gains[:, states:] / unit[:states, None]).max(axis=0, initial=0.0)
+    rate = np.abs(scaled[:, :states]).max(initial=0.0)
+    wanted = (rate or 1.0) / np.where(strength > 0, strength, rate or 1.0)
+    unit[states:] = np.exp2(np.round(np.log2(wanted)))
+    return unit
 
 
 def _apply(

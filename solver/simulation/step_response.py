@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from solver.simulation.bounds import default_bounds, sizes_of
 from solver.simulation.closed_loop import ClosedLoop, close, events
-from solver.simulation.experiment import Experiment, Step, StepKind, default_bound
+from solver.simulation.experiment import Experiment, Step, StepKind
 from solver.simulation.integrator import End, integrate
 from solver.simulation.metrics import (
     SetPointMetrics,
@@ -132,10 +133,14 @@ def step_response(experiment: Experiment) -> StepResponse:
     """
     paths = _paths(experiment)
     stand_ins = [units[0] for units in paths.units]
+    loops = [experiment.loops[unit] for unit in stand_ins]
+    distribution = (
+        np.eye(paths.size) if experiment.distribution is None else experiment.distribution
+    )
     wired = close(
         paths,
-        [experiment.loops[unit] for unit in stand_ins],
-        np.eye(paths.size) if experiment.distribution is None else experiment.distribution,
+        loops,
+        distribution,
         experiment.actuators,
         None if experiment.limits is None else [experiment.limits[u] for u in stand_ins],
     )
@@ -144,12 +149,15 @@ def step_response(experiment: Experiment) -> StepResponse:
         for step in experiment.steps
         if step.unit in stand_ins and step.time < experiment.duration
     ]
+    moved = sizes_of(experiment.steps, {unit: at for at, unit in enumerate(stand_ins)}, paths.size)
     trajectory, end = integrate(
         wired.wiring,
         experiment.duration,
         events(experiment.steps, wired, paths),
         outputs=[place.at for place in wired.outputs],
-        bound=experiment.bound or _bound(experiment),
+        bound=default_bounds(paths, loops, distribution, experiment.duration, moved)
+        if experiment.bound is None
+        else np.full(paths.size, experiment.bound),
         switching=_saturation(wired, experiment, stand_ins),
     )
     time = np.linspace(0.0, trajectory.end, experiment.samples)
@@ -172,11 +180,6 @@ def step_response(experiment: Experiment) -> StepResponse:
         for kind, units in enumerate(paths.units)
     )
     return StepResponse(end, time, responses)
-
-
-def _bound(experiment: Experiment) -> float:
-    size = max(abs(step.size) for step in experiment.steps)
-    return default_bound(experiment.plant, size, experiment.duration)
 
 
 def _paths(experiment: Experiment) -> Paths:

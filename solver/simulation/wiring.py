@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy.linalg import matrix_balance
 
-from solver.model.errors import InvalidInputError
+from solver.simulation.algebraic import solve_signals
 from solver.simulation.delay_system import DelaySystem
 
 if TYPE_CHECKING:
@@ -143,17 +143,17 @@ class Wiring:
         }
         for target, source, gain in [*self._gains, *self._clipping(mode)]:
             blocks[target.kind, source.kind][target.at, source.at] += gain
-        loop = np.eye(count["signal"]) - blocks["signal", "signal"]
-        if count["signal"] and np.linalg.cond(loop) > 1e14:  # nothing but rounding is left
-            message = (
-                "the loop has no solution: a path without dynamics has a loop gain of exactly one"
-            )
-            raise InvalidInputError(message)
+        columns = ("state", "external", "delayed")
+        given = np.hstack([blocks["signal", column] for column in columns])
+        solved = np.split(
+            solve_signals(blocks["signal", "signal"], given),
+            np.cumsum([count[column] for column in columns])[:-1],
+            axis=1,
+        )
         parts: dict[tuple[str, str], NDArray[np.float64]] = {}
-        for column in ("state", "external", "delayed"):
-            solved = np.linalg.solve(loop, blocks["signal", column]).astype(np.float64)
-            parts["signal", column] = solved
-            parts["state", column] = blocks["state", column] + blocks["state", "signal"] @ solved
+        for column, part in zip(columns, solved, strict=True):
+            parts["signal", column] = part
+            parts["state", column] = blocks["state", column] + blocks["state", "signal"] @ part
         sources = list(self._delays)
         return DelaySystem(
             A=parts["state", "state"],

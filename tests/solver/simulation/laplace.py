@@ -28,7 +28,7 @@ def simulated(experiment: Experiment, s: float) -> np.ndarray:
         experiment.duration,
         events(experiment.steps, closed, paths),
         outputs=[place.at for place in closed.outputs],
-        bound=1e9,
+        bound=np.array([1e9]),
     )
     assert end is End.COMPLETE
     times = trajectory.starts[:, None] + trajectory.lengths[:, None] * NODES

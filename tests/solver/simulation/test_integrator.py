@@ -82,7 +82,9 @@ def test_smooth_signals_take_long_steps() -> None:
     wiring, output = loop(
         TransferFunction([1], np.polymul([1e-6, 1], [1, 1])), TransferFunction([2, 2], [1, 0])
     )
-    trajectory, _ = integrate(wiring, 20.0, [Event(0.0, 0, 1.0)], outputs=[output], bound=1e6)
+    trajectory, _ = integrate(
+        wiring, 20.0, [Event(0.0, 0, 1.0)], outputs=[output], bound=np.array([1e6])
+    )
     assert trajectory.lengths.min() < 1e-5
     assert trajectory.lengths.max() > 0.3
     assert len(trajectory) < 200
@@ -92,7 +94,7 @@ def test_steps_end_at_jumps_and_what_dead_time_makes_of_them() -> None:
     """Boundaries stand at each event and one and two dead times later."""
     wiring, output = loop(TransferFunction([1], [1, 0], 0.7), TransferFunction([0.5], [1]))
     events = [Event(0.0, 0, 1.0), Event(1.1, 0, -1.0)]
-    trajectory, _ = integrate(wiring, 5.0, events, outputs=[output], bound=1e6)
+    trajectory, _ = integrate(wiring, 5.0, events, outputs=[output], bound=np.array([1e6]))
     for moment in (0.7, 1.4, 1.1, 1.8, 2.5):
         assert np.abs(trajectory.starts - moment).min() < 1e-12
 
