@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -40,7 +41,7 @@ def test_commands_exist() -> None:
     for line in calls.splitlines():
         program, command, *arguments = line.split("#")[0].split()
         help_text = subprocess.run(  # noqa: S603 - our own program
-            [ROOT / ".venv" / "bin" / program, command, "--help"],
+            [Path(sys.executable).with_name(program), command, "--help"],
             capture_output=True,
             text=True,
             check=True,
