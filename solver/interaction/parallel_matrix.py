@@ -143,8 +143,7 @@ class ParallelMatrix:
         The first one belongs to the sum, all others to differences.
         """
         power = np.outer(np.arange(self.n), np.arange(self.n)) % self.n
-        fourier: NDArray[np.complex128] = np.exp(2j * np.pi * power / self.n) / math.sqrt(self.n)
-        return fourier
+        return np.asarray(np.exp(2j * np.pi * power / self.n) / math.sqrt(self.n), dtype=complex)
 
     def dense(self) -> NDArray[np.complex128] | NDArray[np.float64]:
         """Return the matrix itself, (n, n), real where both elements are."""
