@@ -6,11 +6,18 @@ from solver.simulation.experiment import Experiment, Step, StepKind
 from solver.simulation.integrator import End
 from solver.simulation.loops import Limits, Loop
 from solver.simulation.metrics import SetPointMetrics
-from solver.simulation.step_response import Metrics, StepResponse, UnitResponse, step_response
+from solver.simulation.step_response import (
+    EventMetrics,
+    Metrics,
+    StepResponse,
+    UnitResponse,
+    step_response,
+)
 
 __all__ = [
     "CoupledActuators",
     "End",
+    "EventMetrics",
     "Experiment",
     "Limits",
     "Loop",

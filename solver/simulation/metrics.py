@@ -17,13 +17,12 @@ from solver.simulation.chebyshev import NODES, QUADRATURE, evaluation_matrix, ro
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from solver.simulation.trajectory import Trajectory
+    from solver.simulation.trajectory import Trajectory, TurningPoints
 
 __all__ = [
     "SETTLED",
     "SetPointMetrics",
-    "absolute_integral",
-    "largest_magnitude",
+    "absolute_integrals",
     "set_point_metrics",
     "square_integral",
     "total_variation",
@@ -53,24 +52,20 @@ class SetPointMetrics:
     overshoot: float
 
 
-def set_point_metrics(
-    trajectory: Trajectory, error: int, change: float, start: float, end: float
-) -> SetPointMetrics:
+def set_point_metrics(points: TurningPoints, change: float, start: float) -> SetPointMetrics:
     """Return the measures of a set-point change.
 
     Parameters
     ----------
-    trajectory : Trajectory
-        The response.
-    error : int
-        Its signal set point minus output.
+    points : TurningPoints
+        Of the signal set point minus output, from right after the change to right before the next
+        event.
     change : float
         The set-point change, not zero, made at `start`.
-    start, end : float
-        The window: from the change to the next event.
+    start : float
+        When.
 
     """
-    points = trajectory.turning_points(error).within(start, end)
     rest = points.value / change  # 1 at the change, 0 at the set point
     reached = [
         [
@@ -94,18 +89,20 @@ def set_point_metrics(
     )
 
 
-def absolute_integral(trajectory: Trajectory, signal: int) -> float:
-    """Return the integral of |signal| over all time."""
-    total = 0.0
+def absolute_integrals(trajectory: Trajectory, signal: int) -> NDArray[np.float64]:
+    """Return the integral of |signal| over each step, (steps,)."""
+    parts = []
     for length, values in zip(trajectory.lengths, trajectory.nodes(signal), strict=True):
         if values.min() >= 0 or values.max() <= 0:
-            total += length * abs(float(values @ QUADRATURE))
+            parts.append(length * abs(float(values @ QUADRATURE)))
             continue
+        total = 0.0
         ends = np.concatenate([[0.0], roots(values), [1.0]])
         for low, high in pairwise(ends):
             piece = evaluation_matrix(low + (high - low) * NODES) @ values
             total += length * (high - low) * abs(float(piece @ QUADRATURE))
-    return float(total)
+        parts.append(total)
+    return np.array(parts)
 
 
 def square_integral(trajectory: Trajectory, signal: int) -> float:
@@ -115,15 +112,9 @@ def square_integral(trajectory: Trajectory, signal: int) -> float:
     return float(trajectory.lengths @ (nodes**2 @ _GAUSS_WEIGHTS))
 
 
-def largest_magnitude(trajectory: Trajectory, signal: int) -> float:
-    """Return the largest |signal| of all time."""
-    return float(np.abs(trajectory.turning_points(signal).value).max())
-
-
-def total_variation(trajectory: Trajectory, signal: int) -> float:
-    """Return the total variation of a signal at rest before time zero, jumps included."""
-    values = trajectory.turning_points(signal).value
-    return float(np.abs(np.diff(values, prepend=0.0)).sum())
+def total_variation(points: TurningPoints, before: float = 0.0) -> float:
+    """Return the total variation of a signal that was `before`, jumps included."""
+    return float(np.abs(np.diff(points.value, prepend=before)).sum())
 
 
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(NODES.size)

@@ -18,8 +18,7 @@ from solver.simulation.experiment import Experiment, Step, StepKind
 from solver.simulation.integrator import End, integrate
 from solver.simulation.metrics import (
     SetPointMetrics,
-    absolute_integral,
-    largest_magnitude,
+    absolute_integrals,
     set_point_metrics,
     square_integral,
     total_variation,
@@ -32,14 +31,52 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from solver.simulation.trajectory import Trajectory
+    from solver.simulation.trajectory import Trajectory, TurningPoints
 
 __all__ = [
+    "EventMetrics",
     "Metrics",
     "StepResponse",
     "UnitResponse",
     "step_response",
 ]
+
+
+EVENTS_KEPT = 100  # with measures of their own; more than anybody reads
+
+
+@dataclass(frozen=True)
+class EventMetrics:
+    """Measures of one closed loop from one event to the next, whatever unit they are on.
+
+    Attributes
+    ----------
+    start, end : float
+        The event, and the next one or the end of the simulation.
+    change : float
+        What the event changes the loop's own set point by; 0 where it does not.
+    set_point : SetPointMetrics or None
+        The response to that change; None without one.
+    error_before, error_after : float
+        Set point minus output right before and right after the event.
+    largest_error : float
+        Largest |error| after the event.
+    absolute_error : float
+        Integral of |error|.
+    input_variation : float
+        Total variation of the input, the jump at the event included.
+
+    """
+
+    start: float
+    end: float
+    change: float
+    set_point: SetPointMetrics | None
+    error_before: float
+    error_after: float
+    largest_error: float
+    absolute_error: float
+    input_variation: float
 
 
 @dataclass(frozen=True)
@@ -51,6 +88,8 @@ class Metrics:
     set_point : SetPointMetrics or None
         Of its first set-point change, from there to the next step of any unit; None for an open
         loop, or where there is no such change.
+    events : tuple of EventMetrics
+        From each event to the next, the first hundred; empty for an open loop.
     absolute_error, squared_error : float or None
         Integrals of |e| and e^2, e the set point minus output; None for an open loop.
     largest_error : float or None
@@ -61,6 +100,7 @@ class Metrics:
     """
 
     set_point: SetPointMetrics | None
+    events: tuple[EventMetrics, ...]
     absolute_error: float | None
     squared_error: float | None
     largest_error: float | None
@@ -241,21 +281,55 @@ def _metrics(
     steps: Sequence[Step],
     moments: Sequence[float],
 ) -> Metrics:
+    moved = trajectory.turning_points(wired.inputs[kind].at)
+    if not closed:
+        return Metrics(None, (), None, None, None, total_variation(moved))
     error = wired.errors[kind].at
-    changes = sorted(
-        (step.time, step.size)
-        for step in steps
-        if step.kind is StepKind.SETPOINT and step.time < trajectory.end
+    points = trajectory.turning_points(error)
+    integrals = absolute_integrals(trajectory, error)
+    changes = dict.fromkeys(moments, 0.0)
+    for step in steps:
+        if step.kind is StepKind.SETPOINT and step.time in changes:
+            changes[step.time] += step.size
+    kept = list(changes.items())[:EVENTS_KEPT]
+    ends = [*list(moments)[1:], trajectory.end]
+    seen = tuple(
+        _event(trajectory, (points, moved), integrals, (start, end), change)
+        for (start, change), end in zip(kept, ends, strict=False)
+        if trajectory.between(start, end).start < trajectory.between(start, end).stop
     )
-    set_point = None
-    if closed and changes:
-        start, change = changes[0]
-        end = min((moment for moment in moments if moment > start), default=trajectory.end)
-        set_point = set_point_metrics(trajectory, error, change, start, end)
     return Metrics(
-        set_point=set_point,
-        absolute_error=absolute_integral(trajectory, error) if closed else None,
-        squared_error=square_integral(trajectory, error) if closed else None,
-        largest_error=largest_magnitude(trajectory, error) if closed else None,
-        input_variation=total_variation(trajectory, wired.inputs[kind].at),
+        set_point=next((event.set_point for event in seen if event.set_point), None),
+        events=seen,
+        absolute_error=float(integrals.sum()),
+        squared_error=square_integral(trajectory, error),
+        largest_error=float(np.abs(points.value).max()),
+        input_variation=total_variation(moved),
+    )
+
+
+def _event(
+    trajectory: Trajectory,
+    signals: tuple[TurningPoints, TurningPoints],
+    integrals: NDArray[np.float64],
+    window: tuple[float, float],
+    change: float,
+) -> EventMetrics:
+    """Return the measures in a window; `signals` are the error and the input."""
+    steps = trajectory.between(*window)
+    error, moved = (points.of_steps(steps) for points in signals)
+    before = slice(steps.start - 1, steps.start)
+    error_before, input_before = (
+        float(points.of_steps(before).value[-1]) if steps.start else 0.0 for points in signals
+    )
+    return EventMetrics(
+        start=window[0],
+        end=window[1],
+        change=change,
+        set_point=set_point_metrics(error, change, window[0]) if change else None,
+        error_before=error_before,
+        error_after=float(error.value[0]),
+        largest_error=float(np.abs(error.value).max()),
+        absolute_error=float(integrals[steps].sum()),
+        input_variation=total_variation(moved, input_before),
     )

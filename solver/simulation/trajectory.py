@@ -109,6 +109,14 @@ class Trajectory:
             value[own] = evaluation_matrix(places) @ self._values[step][:, signals]
         return value
 
+    def between(self, start: float, end: float) -> slice:
+        """Return the steps from `start` to `end`, of which no step holds one inside.
+
+        At a jump the value before it belongs to the step before, the value after it to the next.
+        """
+        middles = self.starts + self.lengths / 2
+        return slice(*(int(at) for at in np.searchsorted(middles, [start, end])))
+
     def turning_points(self, signal: int) -> TurningPoints:
         """Both ends of every step and the extrema of a signal inside."""
         nodes = self.nodes(signal)
@@ -160,8 +168,14 @@ class TurningPoints:
     value: NDArray[np.float64]
 
     def within(self, start: float, end: float) -> TurningPoints:
-        """Return the points from `start` to `end`."""
-        inside = (self.time >= start) & (self.time <= end)
+        """Return the points from `start` to `end`, those before a jump at `start` included."""
+        return self._where((self.time >= start) & (self.time <= end))
+
+    def of_steps(self, steps: slice) -> TurningPoints:
+        """Return the points of some steps."""
+        return self._where((self.step >= steps.start) & (self.step < steps.stop))
+
+    def _where(self, inside: NDArray[np.bool_]) -> TurningPoints:
         return TurningPoints(
             self.nodes, self.step[inside], self.place[inside], self.time[inside], self.value[inside]
         )

@@ -305,6 +305,71 @@ def test_measures_stop_at_the_next_step() -> None:
     assert metrics.largest_error == pytest.approx(5.0, rel=1e-6)
 
 
+SECOND_ORDER = MatrixPlant([[TransferFunction([1], [1, 0.6, 0], dead_time=0.2)]])
+
+
+@pytest.mark.parametrize("moment", [1e-3, 1.0, 37.3])
+def test_a_late_step_is_measured_like_one_at_once(moment: float) -> None:
+    """Rise, settling, overshoot do not depend on when the step is made."""
+    measured = [
+        step_response(
+            Experiment(
+                SECOND_ORDER, (Loop(0.3),), (Step(StepKind.SETPOINT, 0, at, 2.0),), at + 60.0
+            )
+        )
+        .responses[0]
+        .metrics.set_point
+        for at in (0.0, moment)
+    ]
+    first, late = measured
+    assert first is not None
+    assert late is not None
+    assert first.rise_time
+    assert late.rise_time == pytest.approx(first.rise_time, rel=1e-6)
+    assert late.settling_time == pytest.approx(first.settling_time, rel=1e-6)
+    assert late.overshoot == pytest.approx(first.overshoot, rel=1e-6)
+
+
+def test_every_set_point_change_has_its_measures() -> None:
+    """Of three changes, up, further up and back, each is measured as the first one is."""
+    steps = tuple(
+        Step(StepKind.SETPOINT, 0, time, size) for time, size in ((0, 1), (80, 3), (160, -4))
+    )
+    result = step_response(Experiment(SECOND_ORDER, (Loop(0.3, 50.0),), steps, 240.0))
+    metrics = result.responses[0].metrics
+    assert [event.change for event in metrics.events] == [1, 3, -4]
+    reference = step_response(Experiment(SECOND_ORDER, (Loop(0.3, 50.0),), steps[:1], 80.0))
+    first = reference.responses[0].metrics.set_point
+    assert first is not None
+    assert first.settling_time is not None
+    assert metrics.set_point == metrics.events[0].set_point
+    for event in metrics.events:
+        assert event.set_point is not None
+        assert event.set_point.rise_time == pytest.approx(first.rise_time, rel=1e-2)
+        assert event.set_point.overshoot == pytest.approx(first.overshoot, abs=1e-2)
+        # The error right before and right after differ by the step.
+        assert event.error_after - event.error_before == pytest.approx(event.change, abs=1e-9)
+    assert metrics.absolute_error == pytest.approx(
+        sum(event.absolute_error for event in metrics.events), rel=1e-9
+    )
+    assert metrics.input_variation == pytest.approx(
+        sum(event.input_variation for event in metrics.events), rel=1e-9
+    )
+
+
+def test_events_on_other_units_start_a_new_window() -> None:
+    """A load on loop 2 is an event of loop 1, without set-point measures."""
+    steps = (SETPOINT, Step(StepKind.LOAD, 1, 20.0, 0.1))
+    loops = (Loop(0.2, 4.44), Loop(-0.04, 2.67))
+    result = step_response(Experiment(WOOD_BERRY, loops, steps, 60.0))
+    for response in result.responses:
+        first, second = response.metrics.events
+        assert (first.start, first.end, second.start, second.end) == (0, 20, 20, 60)
+        assert second.set_point is None
+        assert second.change == 0
+        assert second.error_after == pytest.approx(second.error_before, abs=1e-9)
+
+
 def test_an_open_loop_has_no_error() -> None:
     """Moving a valve by hand gives the open-loop step response, and no set-point measures."""
     result = step_response(
