@@ -108,14 +108,19 @@ def _require_stable(plant: Plant) -> None:
 
 
 def _controller(controller: Controller) -> Ratio:
-    """Return SLH eq. 26."""
-    integral_time = exact(controller.integral_time)
-    num = exact(controller.gain) * fmpq_poly([1, integral_time])
-    den = fmpq_poly([0, integral_time])
+    """Return SLH eq. 26; its default filter is the product of two exact numbers."""
+    num, den = fmpq_poly([exact(controller.gain)]), fmpq_poly([1])
+    if controller.integral_time is not None:
+        integral_time = exact(controller.integral_time)
+        num *= fmpq_poly([1, integral_time])
+        den *= fmpq_poly([0, integral_time])
     if controller.derivative_time is not None:
         derivative_time = exact(controller.derivative_time)
         num *= fmpq_poly([1, derivative_time])
-        den *= fmpq_poly([1, exact(DERIVATIVE_FILTER) * derivative_time])
+        if controller.filter_time is None:
+            den *= fmpq_poly([1, exact(DERIVATIVE_FILTER) * derivative_time])
+    if controller.filter_time is not None:
+        den *= fmpq_poly([1, exact(controller.filter_time)])
     return Ratio.reduced(num, den)
 
 

@@ -114,13 +114,16 @@ def _performance(value: object) -> Performance:
 
 
 def _loop(value: object) -> Controller:
-    members = _members(value, "gain integral_time derivative_time")
-    derivative_time = members["derivative_time"]
-    return Controller(
-        _within("/gain", _number, members["gain"]),
-        _within("/integral_time", _number, members["integral_time"]),
-        None if derivative_time is None else _within("/derivative_time", _number, derivative_time),
+    names = "gain integral_time derivative_time"
+    if isinstance(value, dict) and "filter_time" in value:  # written only where it is given
+        names += " filter_time"
+    members = _members(value, names)
+    gain = _within("/gain", _number, members.pop("gain"))
+    times = (
+        None if time is None and name != "filter_time" else _within(f"/{name}", _number, time)
+        for name, time in members.items()
     )
+    return Controller(gain, *times)
 
 
 def _interval(value: object) -> ProvenInterval:

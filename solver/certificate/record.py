@@ -145,14 +145,7 @@ class Certificate:
                 "offset": float(claim.performance.offset),
                 "tau_p": _optional(claim.performance.tau_p),
             },
-            "loops": [
-                {
-                    "gain": float(loop.gain),
-                    "integral_time": float(loop.integral_time),
-                    "derivative_time": _optional(loop.derivative_time),
-                }
-                for loop in claim.loops
-            ],
+            "loops": [_loop(loop) for loop in claim.loops],
             "intervals": [
                 {
                     "low": float(proven.interval.low),
@@ -162,6 +155,18 @@ class Certificate:
                 for proven in self.intervals
             ],
         }
+
+
+def _loop(loop: Controller) -> dict[str, Any]:
+    content = {
+        "gain": float(loop.gain),
+        "integral_time": _optional(loop.integral_time),
+        "derivative_time": _optional(loop.derivative_time),
+    }
+    # Only a filter of its own is written: documents without one keep their form and digest.
+    if loop.filter_time is not None:
+        content["filter_time"] = float(loop.filter_time)
+    return content
 
 
 def _optional(value: float | None) -> float | None:

@@ -46,12 +46,14 @@ class Obstacle(StrEnum):
     UNRESOLVED: the intervals became too narrow or too many near `omega`: (a) mu touches the level
     there: ask for a higher one, (b) a closed-loop pole lies on the imaginary axis, at s = 0 if the
     plant's static gain is singular, (c) the plant passes its input on at once and with dead time.
+    PROPORTIONAL: a loop lacks integral action, so that no D-scales serve from omega = 0 on.
     TOO_LARGE: more than `MAX_SETTINGS` loops differ; give some of them equal settings.
     """
 
     EXCEEDED = "exceeded"
     UNSTABLE = "unstable"
     UNRESOLVED = "unresolved"
+    PROPORTIONAL = "a loop without integral action"
     TOO_LARGE = "too large"
 
 
@@ -95,6 +97,8 @@ def certify(
     """
     if len(settings_of(claim.plant, claim.loops)) > MAX_SETTINGS:
         return CertificateFailure(Obstacle.TOO_LARGE)
+    if any(loop.integral_time is None for loop in claim.loops):
+        return CertificateFailure(Obstacle.PROPORTIONAL)
     with ctx.workprec(PRECISION):
         search = _Search(claim, interrupt)
         try:
@@ -131,7 +135,7 @@ class _Search:
 
     def cover_all_frequencies(self) -> None:
         """Prove an interval at either end, then march from one to the other."""
-        middle = math.exp(-np.mean([math.log(c.integral_time) for c in self.controllers]))
+        middle = math.exp(-np.mean([math.log(c.integral_time or 1.0) for c in self.controllers]))
         low = high = middle
         while not self._prove(Interval(0, low), low / 2):
             low /= 4

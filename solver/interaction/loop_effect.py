@@ -224,15 +224,17 @@ def _rational(controller: Controller | None) -> Rational:
     """Return the controller as a rational function, zero where there is none."""
     if controller is None:
         return Rational(fmpq_poly(), fmpq_poly([1]))
-    k, tau_i = decimal(controller.gain), decimal(controller.integral_time)
-    result = Rational.reduced(fmpq_poly([k, k * tau_i]), fmpq_poly([0, tau_i]))
+    num, den = fmpq_poly([decimal(controller.gain)]), fmpq_poly([1])
+    if controller.integral_time is not None:
+        tau_i = decimal(controller.integral_time)
+        num, den = num * fmpq_poly([1, tau_i]), fmpq_poly([0, tau_i])
+    tau_f = decimal(controller.filter_time or 0.0)
     if controller.derivative_time is not None:
         tau_d = decimal(controller.derivative_time)
-        lead = Rational.reduced(
-            fmpq_poly([1, tau_d]), fmpq_poly([1, decimal(DERIVATIVE_FILTER) * tau_d])
-        )
-        result = result * lead
-    return result
+        num = num * fmpq_poly([1, tau_d])
+        if controller.filter_time is None:
+            tau_f = decimal(DERIVATIVE_FILTER) * tau_d
+    return Rational.reduced(num, den * fmpq_poly([1, tau_f]))
 
 
 def _cleared(function: Rational, poles: fmpq_poly) -> fmpq_poly:

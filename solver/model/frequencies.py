@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 __all__ = ["corners", "corners_of", "grid", "low_end", "resonances", "resonances_of"]
 
 FLAT = 1e-8  # relative rise over two decades below which a curve is at its limit for omega -> 0
-DERIVATIVE_CORNER = 10.0  # the derivative filter's corner over 1/tau_D
 
 
 def corners(
@@ -27,16 +26,15 @@ def corners(
 ) -> NDArray[np.float64]:
     """Corner frequencies (rad per time unit) of everything in the loop, ascending, at least one.
 
-    Magnitudes of poles and zeros, 1/dead time, 1/tau_I and 1/tau_D.
+    Magnitudes of poles and zeros, 1/dead time, 1/tau_I, 1/tau_D and 1/tau_F.
     """
     functions: list[TransferFunction] = list(plant.elements)
     if uncertainty is not None:
         functions.append(uncertainty.weight)
     found = _corners_of_functions(functions)
     for loop in set(loops):
-        found.add(1 / loop.integral_time)
-        if loop.derivative_time is not None:
-            found.update((1 / loop.derivative_time, DERIVATIVE_CORNER / loop.derivative_time))
+        times = (loop.integral_time, loop.derivative_time, loop.lag_time)
+        found.update(1 / time for time in times if time)
     return _ascending(found)
 
 

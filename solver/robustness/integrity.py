@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
@@ -23,7 +23,6 @@ from solver.interaction.integral_controllability import (
 )
 from solver.interaction.parallel_matrix import ParallelMatrix
 from solver.model.blocks import group_loops
-from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError
 from solver.model.plants import ParallelPlant
 from solver.model.subsystems import interchangeable
@@ -34,6 +33,7 @@ from solver.robustness.subsets import Subsets
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
+    from solver.model.controllers import Controller
     from solver.model.peaks import Peak
     from solver.model.plants import Plant
     from solver.model.weights import Performance, Uncertainty
@@ -292,7 +292,7 @@ def _detuned(
     controllers, counts = tuple(loops), factor
     if isinstance(plant, ParallelPlant):
         controllers = tuple(
-            Controller(loop.gain * level, loop.integral_time, loop.derivative_time)
+            replace(loop, gain=loop.gain * level)
             for loop in (loops[group[0]] for group in groups)
             for level in factors[1:]
         )

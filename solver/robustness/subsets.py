@@ -63,7 +63,8 @@ class Subsets:
         step = max(MAX_ENTRIES // (1000 * size * size), 1)  # some 1000 frequencies
         chunks = [self.counts[first : first + step] for first in range(0, len(self.counts), step)]
         at_origin = self._origin_poles()
-        integrators = np.where(at_origin > 0, 0, np.count_nonzero(self.counts, axis=1))
+        acting = (self.counts[:, self._integrating] > 0).sum(axis=1)
+        integrators = np.where(at_origin > 0, 0, acting)
         found = np.concatenate(
             [
                 self._unstable(self._means(counts), integrators[first : first + step])
@@ -75,15 +76,27 @@ class Subsets:
             alike = np.maximum(self.counts - 1, 0).astype(int)
             used = np.asarray(alike.any(axis=0))
             if used.any():
-                differences = self._unstable(self._differences(used), np.array(1))
+                differences = self._unstable(
+                    self._differences(used), self._integrating[used].astype(np.int64)
+                )
                 found = found + (alike[:, used] * differences).sum(axis=1)
         return np.where(at_origin > 0, at_origin, found)
 
     def _origin_poles(self) -> NDArray[np.int64]:
-        """Count the poles at s = 0 that a singular static gain leaves in each subset."""
+        """Count the poles at s = 0 that a singular static gain leaves in each subset.
+
+        None where a loop lacks integral action: that loop may hold what the others cannot.
+        """
         if isinstance(self.plant, ParallelPlant):
-            return parallel_origin_poles(self.plant, self.counts.sum(axis=1).astype(np.int64))
-        return matrix_origin_poles(self.plant, self.counts > 0)
+            count = parallel_origin_poles(self.plant, self.counts.sum(axis=1).astype(np.int64))
+        else:
+            count = matrix_origin_poles(self.plant, self.counts > 0)
+        return np.where((self.counts[:, ~self._integrating] > 0).any(axis=1), 0, count)
+
+    @property
+    def _integrating(self) -> NDArray[np.bool_]:
+        """Which controllers have integral action, (controllers,)."""
+        return np.array([controller.integral_time is not None for controller in self.controllers])
 
     def _unstable(self, loop_gain: LoopGain, integrators: NDArray[np.int64]) -> NDArray[np.int64]:
         bends = corners(self.plant, loops=self.controllers)

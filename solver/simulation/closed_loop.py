@@ -197,10 +197,10 @@ def _law(
         integral = wiring.state()
         wiring.connect(integral, [*difference(1.0, loop.integral_gain), *windup])
         law.append(Term(integral, 1.0))
-    if loop.derivative_time is not None:
+    if loop.lag_time:
         # D s/(1 + T_f s) = (D/T_f) (1 - 1/(1 + T_f s))
         lag = wiring.state()
-        rate = 1 / loop.filter_time
+        rate = 1 / loop.lag_time
         high = loop.derivative_gain * rate
         wiring.connect(lag, [*difference(loop.derivative_weight, rate), Term(lag, -rate)])
         law.extend([*difference(loop.derivative_weight, high), Term(lag, -high)])

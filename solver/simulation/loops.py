@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from solver.model.controllers import DERIVATIVE_FILTER, Controller
+from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError
 from solver.model.transfer_function import LARGEST
 
@@ -33,6 +33,8 @@ class Loop:
         tau_D > 0, None for a controller without derivative action.
     setpoint_weight, derivative_weight : float
         b and c above; 1 is error feedback, as in the frequency domain analyses.
+    filter_time : float or None
+        tau_F > 0, None for that of `Controller`.
 
     """
 
@@ -41,13 +43,10 @@ class Loop:
     derivative_time: float | None = None
     setpoint_weight: float = 1.0
     derivative_weight: float = 1.0
+    filter_time: float | None = None
 
     def __post_init__(self) -> None:
-        # The cascade form checks its own parameters; any integral time serves where there is none.
-        Controller(
-            self.gain, 1.0 if self.integral_time is None else self.integral_time,
-            self.derivative_time,
-        )  # fmt: skip
+        _ = self.controller  # the cascade form checks its own parameters
         for name in ("setpoint_weight", "derivative_weight"):
             if not 0 <= getattr(self, name) <= 1:
                 message = "a set-point weight lies in 0..1"
@@ -56,12 +55,22 @@ class Loop:
     @classmethod
     def of(cls, controller: Controller) -> Loop:
         """Return the loop with error feedback through `controller`."""
-        return cls(controller.gain, controller.integral_time, controller.derivative_time)
+        return cls(
+            controller.gain,
+            controller.integral_time,
+            controller.derivative_time,
+            filter_time=controller.filter_time,
+        )
 
     @property
-    def filter_time(self) -> float:
-        """T_f, zero without derivative action."""
-        return DERIVATIVE_FILTER * (self.derivative_time or 0.0)
+    def controller(self) -> Controller:
+        """The controller that error feedback through this loop is."""
+        return Controller(self.gain, self.integral_time, self.derivative_time, self.filter_time)
+
+    @property
+    def lag_time(self) -> float:
+        """T_f, the default filled in; zero without a filter."""
+        return self.controller.lag_time
 
     @property
     def integral_gain(self) -> float:
@@ -71,14 +80,14 @@ class Loop:
     @property
     def proportional_gain(self) -> float:
         """Return P above."""
-        lead = (self.derivative_time or 0.0) - self.filter_time
+        lead = (self.derivative_time or 0.0) - self.lag_time
         return self.gain + self.integral_gain * lead
 
     @property
     def derivative_gain(self) -> float:
-        """Return D above; negative where integral_time < 0.1 derivative_time."""
+        """Return D above; negative where there is no ideal form."""
         own = self.gain * (self.derivative_time or 0.0)
-        return own - self.proportional_gain * self.filter_time
+        return own - self.proportional_gain * self.lag_time
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.model.blocks import group_loops
-from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError
 from solver.model.transfer_function import TransferFunction
 from solver.robustness.analysis import LoopAnalysis
@@ -19,6 +18,7 @@ from solver.stability.closed_loop import is_stable
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from solver.model.controllers import Controller
     from solver.model.plants import Plant
     from solver.model.weights import Performance, Uncertainty
     from solver.robustness.worst_case import Entry, WorstCase
@@ -80,7 +80,7 @@ def with_worst_actuators(
         if loop is None or loop.integral_time is None:
             message = "the worst case needs all loops closed, with integral action"
             raise InvalidInputError(message, "/kind")
-        loops.append(Controller(loop.gain, loop.integral_time, loop.derivative_time))
+        loops.append(loop.controller)
     if not is_stable(experiment.plant, loops):
         message = "the loops are unstable without perturbation: there is no worst case"
         raise InvalidInputError(message, "/kind")

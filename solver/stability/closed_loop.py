@@ -102,19 +102,24 @@ def unstable_poles(plant: Plant, loops: Sequence[Controller]) -> int:
     bends = corners(plant, loops=controllers)
     if neutral_gain(blocks, controllers) >= 1:
         return INFINITELY_MANY
-    if isinstance(plant, ParallelPlant):
-        at_origin = parallel_origin_poles(plant, np.array([plant.n]))[0]
-    else:
-        at_origin = matrix_origin_poles(plant, np.ones((1, plant.n), dtype=bool))[0]
-    if at_origin:
-        return int(at_origin)
+    integrating = np.array([controller.integral_time is not None for controller in controllers])
+    if integrating.all():  # else the loops without integral action may hold what the others cannot
+        if isinstance(plant, ParallelPlant):
+            at_origin = parallel_origin_poles(plant, np.array([plant.n]))[0]
+        else:
+            at_origin = matrix_origin_poles(plant, np.ones((1, plant.n), dtype=bool))[0]
+        if at_origin:
+            return int(at_origin)
     total = 0
     for index, block in enumerate(blocks.blocks):
 
         def loop_gain(omega: NDArray[np.float64], index: int = index) -> NDArray[np.complex128]:
             return _loop_gain(blocks, controllers, omega, index)[:, None]
 
-        batch = Batch(loop_gain, bends, resonances(plant), *character(plant), block.size)
+        batch = Batch(
+            loop_gain, bends, resonances(plant), *character(plant),
+            int(integrating[list(block.channels)].sum()),
+        )  # fmt: skip
         total += block.multiplicity * int(count_unstable(batch)[0])
     return total
 

@@ -65,6 +65,7 @@ def loops_to_certify(
         st.floats(0.05, fastest),
         st.floats(0.5 * tau, 3 * tau),
         st.none() | st.floats(0.05 * tau, 0.3 * tau),
+        st.none() | st.floats(0.005 * tau, 0.1 * tau),
     )
     different = draw(st.lists(settings, min_size=1, max_size=2))
     loops = tuple(different[unit % len(different)] for unit in range(plant.n))

@@ -252,3 +252,12 @@ def test_an_interruption_ends_the_search() -> None:
 def test_the_same_claim_has_the_same_certificate(certificate: Certificate) -> None:
     """The search is deterministic to the last digit."""
     assert certify(published(1.0004)) == certificate
+
+
+def test_a_loop_without_integral_action_has_no_certificate_and_says_so() -> None:
+    """P control of an integrating process: stable, mu finite, and the reason has words."""
+    plant = ParallelPlant(1, TransferFunction([1], [1, 0]), TransferFunction([0], [1]))
+    claim = Claim(plant, UNCERTAINTY, Performance(tau_p=20), (Controller(0.3, None),), 1.1)
+    failure = certify(claim)
+    assert isinstance(failure, CertificateFailure)
+    assert failure.obstacle is Obstacle.PROPORTIONAL

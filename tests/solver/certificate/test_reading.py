@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import json
 import math
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -166,3 +167,21 @@ def test_any_value_in_any_place_is_refused_or_changes_nothing(
     else:
         assert isinstance(value, int | float)
         assert math.isfinite(value)
+
+
+def test_a_filter_of_its_own_is_read_back_and_changes_no_other_document(
+    certificate: Certificate,
+) -> None:
+    """Settings with a filter time carry it; those without one are written as they always were."""
+    claim = certificate.claim
+    first, second = claim.loops
+    loops = (replace(first, filter_time=0.25), second)
+    changed = replace(certificate, claim=replace(claim, loops=loops))
+    document = changed.to_document()
+    assert [set(loop) for loop in document["loops"]] == [
+        {"gain", "integral_time", "derivative_time", "filter_time"},
+        {"gain", "integral_time", "derivative_time"},
+    ]
+    assert read_certificate(json.dumps(document)) == changed
+    document["loops"][0]["filter_time"] = None
+    assert fault_of(json.dumps(document))[0] == "/loops/0/filter_time"

@@ -211,3 +211,12 @@ def test_dead_time_is_refused() -> None:
     """Infinitely many poles are not computed."""
     with pytest.raises(UnsupportedPlantError, match="dead time"):
         _effect(first_order(2, 1, 10, 0.5, 1), 0, 1, [1.0])
+
+
+def test_a_filter_of_its_own_and_no_integral_action_are_seen() -> None:
+    """The default filter written out changes nothing; a P controller is a static gain."""
+    usual = _effect(EXAMPLE, 0, 1, [1.0], Controller(1.0, 5.0, 0.5))
+    written = _effect(EXAMPLE, 0, 1, [1.0], Controller(1.0, 5.0, 0.5, 0.05))
+    assert written.poles[0] == pytest.approx(usual.poles[0])
+    static = _effect(EXAMPLE, 0, 1, [1.0], Controller(1.0, None))
+    assert static.poles[0].size == usual.poles[0].size - 2

@@ -70,13 +70,14 @@ def _matrix(plant: Plant, s: float) -> np.ndarray:
 
 
 def _law(loop: Loop | None, s: float, b: float, c: float) -> float:
-    """K (1 + tau_I s)/(tau_I s) (1 + tau_D s)/(1 + 0.1 tau_D s), weights on its three parts."""
+    """K (1 + tau_I s)/(tau_I s) (1 + tau_D s)/(1 + tau_F s), weights on its three parts."""
     if loop is None:
         return 0.0
     tau_d = loop.derivative_time or 0.0
     integral = 0.0 if loop.integral_time is None else loop.gain / loop.integral_time
-    proportional = loop.gain + integral * 0.9 * tau_d
-    whole = (loop.gain + integral / s) * (1 + tau_d * s) / (1 + 0.1 * tau_d * s)
+    tau_f = 0.1 * tau_d if loop.filter_time is None else loop.filter_time
+    proportional = loop.gain + integral * (tau_d - tau_f)
+    whole = (loop.gain + integral / s) * (1 + tau_d * s) / (1 + tau_f * s)
     derivative = whole - integral / s - proportional
     return b * proportional + integral / s + c * derivative
 
@@ -94,6 +95,7 @@ def random_experiment(rng: np.random.Generator, plant: Plant, duration: float) -
             float(rng.uniform(0.1, 1)) if rng.random() < 0.5 else None,
             float(rng.uniform(0, 1)),
             float(rng.uniform(0, 1)),
+            float(rng.uniform(0.02, 1)) if rng.random() < 0.3 else None,
         )
         for _ in range(plant.n)
     ]

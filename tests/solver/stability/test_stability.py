@@ -22,11 +22,12 @@ def closed_loop_poles(plant: ParallelPlant, loops: list[Controller]) -> np.ndarr
         term = np.array([np.linalg.det(np.eye(n)[list(order)])])
         for row, column in enumerate(order):
             loop = loops[column]
-            num = np.array([loop.gain * loop.integral_time, loop.gain])
-            den = np.array([loop.integral_time, 0.0])
-            if loop.derivative_time is not None:
-                num = np.polymul(num, [loop.derivative_time, 1])
-                den = np.polymul(den, [DERIVATIVE_FILTER * loop.derivative_time, 1])
+            num, den = np.array([loop.gain]), np.array([1.0])
+            if loop.integral_time is not None:
+                num, den = loop.gain * np.array([loop.integral_time, 1]), [loop.integral_time, 0.0]
+            lead, lag = loop.derivative_time or 0.0, loop.filter_time
+            lag = DERIVATIVE_FILTER * lead if lag is None else lag
+            num, den = np.polymul(num, [lead, 1]), np.polymul(den, [lag, 1])
             entry = mix[row, column] * np.polymul(plant.process.num, num)
             if row == column:
                 entry = np.polyadd(entry, np.polymul(plant.process.den, den))
@@ -41,7 +42,11 @@ decades = st.floats(-1.5, 1.5).map(lambda e: 10.0**e)
 @settings(max_examples=150, deadline=None)
 @given(
     st.lists(decades, min_size=1, max_size=3),
-    st.lists(st.tuples(decades, decades, st.none() | decades), min_size=1, max_size=3),
+    st.lists(
+        st.tuples(decades, decades | st.none(), st.none() | decades, st.none() | decades),
+        min_size=1,
+        max_size=3,
+    ),
     interactions(-0.9, 0.95),
     st.booleans(),
     st.booleans(),
