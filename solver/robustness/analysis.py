@@ -21,7 +21,8 @@ from solver.model.peaks import Peak, highest, slices
 from solver.mu.kernel import FINE
 from solver.mu.scaling import sweep
 from solver.mu.structure import BlockStructure, bound_of_scales, sigma_max
-from solver.robustness.margins import loop_margins
+from solver.robustness.bandwidth import bandwidths
+from solver.robustness.margins import loop_frequencies, loop_margins
 from solver.robustness.record import Curves, Peaks, Robustness
 from solver.robustness.worst_case import interconnection, worst_case
 from solver.stability.closed_loop import unstable_poles
@@ -250,6 +251,8 @@ def analyse(
         level = PROVEN_ABOVE * peaks.robust_performance.value
         proof, reasons = prove(plant, uncertainty, performance, loops, level)
         warnings += reasons
+    margins = loop_margins(plant, loops, stable=True)
+    alone = [row.alone.bandwidth if row.alone else None for row in margins]
     return Robustness(
         nominally_stable=True,
         unstable_poles=0,
@@ -258,7 +261,8 @@ def analyse(
         lower_bound=Peak(worst.mu, worst.omega),
         worst_case=worst,
         uncertainty_scaling=1 / peaks.robust_stability.value,
-        margins=loop_margins(plant, loops, stable=True),
+        margins=margins,
+        bandwidths=bandwidths(plant, loops, alone, loop_frequencies(plant, loops)),
         certificate=proof,
         warnings=tuple(warnings),
     )

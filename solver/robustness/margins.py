@@ -19,6 +19,8 @@ from solver.model.frequencies import corners, grid, resonances
 from solver.model.peaks import highest, slices
 from solver.model.plants import ParallelPlant
 from solver.model.subsystems import interchangeable, subsystem
+from solver.robustness.bandwidth import HALF_POWER
+from solver.robustness.slow_modes import slow_end
 from solver.robustness.subsets import Subsets
 from solver.stability.closed_loop import unstable_poles
 
@@ -35,7 +37,14 @@ if TYPE_CHECKING:
     # Several loops, each at frequencies of its own.
     Responses = Callable[[list[NDArray[np.float64]]], list[NDArray[np.complex128]]]
 
-__all__ = ["LoopMargins", "Margins", "loop_margins", "loop_transfer", "margins"]
+__all__ = [
+    "LoopMargins",
+    "Margins",
+    "loop_frequencies",
+    "loop_margins",
+    "loop_transfer",
+    "margins",
+]
 
 BELOW, ABOVE = 1e-6, 1e6  # S and T are at their limits to 1e-11 so far from the bends
 NEGLIGIBLE = 1e-3  # |L| below which a phase crossing is no gain margin worth a name
@@ -44,7 +53,6 @@ LARGEST_TURN = 0.2  # rad of phase between neighbouring grid points, of L and of
 MAX_POINTS = 20_000
 SECTIONS = 16  # of an interval a round
 ROOT_ROUNDS = 4  # to 2e-5 of a grid step; the chord's error there is the square of that
-HALF_POWER = 1 / math.sqrt(2)
 
 
 @dataclass(frozen=True)
@@ -66,7 +74,8 @@ class Margins:
         Ms, the peak of |1/(1+L)|, and Mt, that of |L/(1+L)|.
     bandwidth : float
         Where |1/(1+L)| first reaches 0.707 from below, rad per time unit; infinite where it
-        never does, zero where it starts above.
+        never does, zero where it starts above. Of a loop with others closed it is what this one
+        sees, not how fast the plant is: see `bandwidths`.
     crossover : float
         Highest frequency with |L| = 1, or zero.
 
@@ -122,7 +131,7 @@ def loop_margins(
     single = Subsets(plant, tuple(loops[unit] for unit in units), np.eye(len(units)))
     sound = [unit for unit, poles in zip(units, single.unstable_poles(), strict=True) if not poles]
     closed = units if stable and plant.n > 1 else []
-    shared = _frequencies(plant, loops)
+    shared = loop_frequencies(plant, loops)
 
     def transfers(omega: list[NDArray[np.float64]]) -> list[NDArray[np.complex128]]:
         alone = [
@@ -131,7 +140,7 @@ def loop_margins(
         ]
         return alone + _together(plant, loops, closed, omega[len(sound) :])
 
-    grids = [_frequencies(*subsystem(plant, loops, (unit,))) for unit in sound]
+    grids = [loop_frequencies(*subsystem(plant, loops, (unit,))) for unit in sound]
     found = _margins(transfers, grids + [shared] * len(closed))
     alone = dict(zip(sound, found, strict=False))
     together = dict(zip(closed, found[len(sound) :], strict=True)) if plant.n > 1 else alone
@@ -370,7 +379,7 @@ def _coarse(omega: NDArray[np.float64], L: NDArray[np.complex128]) -> NDArray[np
     )
 
 
-def _frequencies(plant: Plant, loops: Sequence[Controller]) -> NDArray[np.float64]:
+def loop_frequencies(plant: Plant, loops: Sequence[Controller]) -> NDArray[np.float64]:
     """Return frequencies from far below to far above all dynamics of plant and controllers."""
     bends = corners(plant, loops=loops)
     # Where the asymptotes of g c reach one: a fast loop's own rate.
@@ -381,4 +390,5 @@ def _frequencies(plant: Plant, loops: Sequence[Controller]) -> NDArray[np.float6
         if not element.is_zero
     ]
     highest = max(float(bends[-1]), *reach)
-    return grid(BELOW * float(bends[0]), ABOVE * highest, POINTS_A_DECADE, [resonances(plant)])
+    low = slow_end(plant, loops, BELOW * float(bends[0]))
+    return grid(low, ABOVE * highest, POINTS_A_DECADE, [resonances(plant)])

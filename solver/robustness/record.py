@@ -11,6 +11,7 @@ if TYPE_CHECKING:
 
     from solver.certificate import Certificate
     from solver.model.peaks import Peak
+    from solver.robustness.bandwidth import Bandwidths
     from solver.robustness.margins import LoopMargins
     from solver.robustness.worst_case import WorstCase
 
@@ -46,7 +47,8 @@ class Robustness:
     `peaks` and `curves` are None where the loops are nominally unstable: mu has no meaning then.
     `lower_bound` is a lower bound of the robust performance peak, `worst_case` a perturbation
     that reaches it. `uncertainty_scaling` is the factor by which the uncertainty may grow before
-    robust stability is no longer assured. `margins`: of each different loop.
+    robust stability is no longer assured. `margins`: of each different loop. `bandwidths`:
+    alone and together, of a stable loop.
     """
 
     nominally_stable: bool
@@ -57,5 +59,6 @@ class Robustness:
     worst_case: WorstCase | None = None
     uncertainty_scaling: float | None = None
     margins: tuple[LoopMargins, ...] = ()
+    bandwidths: Bandwidths | None = None
     certificate: Certificate | None = None
     warnings: tuple[str, ...] = field(default=())
