@@ -75,10 +75,10 @@ def bounds():
 
         def cold(G=G, c=c, u=u, b=b, layout=analysis.blocks.layout, y=y):
             y[:] = 0
-            sweep(G, c, u, b, layout, True, FINE, True, y)  # noqa: FBT003
+            sweep(G, c, u, b, layout, all_free=True, nu=FINE, cold=True, y=y)
 
         def warm(G=G, c=c, u=u, b=b, layout=analysis.blocks.layout, y=y):
-            sweep(G, c, u, b, layout, True, FINE, False, y)  # noqa: FBT003
+            sweep(G, c, u, b, layout, all_free=True, nu=FINE, cold=False, y=y)
 
         few = N[30:31]
         rows.append({

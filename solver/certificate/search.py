@@ -185,10 +185,10 @@ class _Search:
             self.claim.uncertainty.magnitude(omega) ** 2,
             self.claim.performance.magnitude(omega) ** 2,
             self.blocks.layout,
-            True,  # noqa: FBT003 - numba compiles positional arguments
-            FINE,
-            True,  # noqa: FBT003 - the same
-            y,
+            all_free=True,
+            nu=FINE,
+            cold=True,
+            y=y,
         )
         return math.exp(-t[0] / 2), tuple(map(float, np.exp(y[0] / 2)))
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -30,7 +30,24 @@ if TYPE_CHECKING:
 
     from solver.model.controllers import Controller
 
-__all__ = ["Block", "LoopBlocks", "group_loops", "reduce"]
+__all__ = ["Block", "Layout", "LoopBlocks", "group_loops", "reduce"]
+
+
+class Layout(NamedTuple):
+    """Where the rows of all blocks, below each other, belong; a named tuple for compiled code.
+
+    Attributes
+    ----------
+    channels, scales : (rows,)
+        Controller and D-scale of each row.
+    first : (blocks + 1,)
+        First row of each block, with the number of rows at the end.
+
+    """
+
+    channels: NDArray[np.int64]
+    scales: NDArray[np.int64]
+    first: NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -109,12 +126,12 @@ class LoopBlocks:
         return (mean, *(single for _ in self.blocks[1:]))
 
     @cached_property
-    def layout(self) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-        """Controller (r,) and scale (r,) of each row of all blocks, and each block's first row."""
+    def layout(self) -> Layout:
+        """Controller and scale of each row, and the first row of each block."""
         channels = np.array([c for block in self.blocks for c in block.channels])
         scales = np.array([s for block in self.blocks for s in block.scales])
         first = np.cumsum([0, *(block.size for block in self.blocks)])
-        return channels, scales, first
+        return Layout(channels, scales, first)
 
     def packed(self, omega: ArrayLike) -> NDArray[np.complex128]:
         """Plants of all blocks below each other, (k, rows, widest block) complex."""
@@ -123,7 +140,7 @@ class LoopBlocks:
     def packed_at(self, s: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """Return the same at the complex points `s` (k,)."""
         responses = self(s)
-        first = self.layout[2]
+        first = self.layout.first
         widest = max(block.size for block in self.blocks)
         G = np.zeros((responses[0].shape[0], first[-1], widest), dtype=complex)
         for block, response, row in zip(self.blocks, responses, first, strict=False):

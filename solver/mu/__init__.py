@@ -1,7 +1,8 @@
-"""Upper and lower bounds of the structured singular value, and their certificates.
+"""Bounds of the structured singular value at one frequency.
 
-Two upper bounds with one signature: `scaling.upper_bound`, the fast path, and `sdp.upper_bound`,
-the reference that tests hold it to.
+Upper bounds come with the scales that prove them: `scaling.upper_bound` is the fast path, and
+`sdp.upper_bound`, of the same signature, the reference that tests hold it to. `lower_bound` finds
+perturbations that show how near they are.
 """
 
 from solver.mu.scaling import upper_bound

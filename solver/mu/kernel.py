@@ -26,21 +26,7 @@ that of the final scales themselves, without the barrier: a bound whatever the i
 import math
 
 from solver.mu import large_block, small_block
-from solver.mu.workspace import (
-    FIXED,
-    FREE,
-    GRADIENT,
-    HESSIAN,
-    HESSIAN_FACTOR,
-    LEVELS,
-    STEP,
-    TINY,
-    TRIAL,
-    X_INVERSE,
-    X,
-    inner,
-    square,
-)
+from solver.mu.workspace import TINY, inner, square
 
 __all__ = ["FINE", "balance", "centred_level", "sensitivities", "solve"]
 
@@ -65,17 +51,14 @@ def solve(factors, y, nu, ws):
 
     Parameters
     ----------
-    factors : tuple
-        (cols, rest, p, b, row_scale, col_scale, row0, col0, all_free): the a_j (rows, columns of
-        the widest block), the columns whose scale is 1 likewise (W_0 is the sum of their squares),
-        p and b (rows,), scale of each row (-1: none) and column, first row and column of each block
-        with the totals at the end, whether all of Q is free.
+    factors : Factors
+        The loop.
     y : (scales,)
         Log of the squared scales.
     nu : float
         Last barrier parameter.
-    ws : tuple
-        `workspace`. On return it holds what `sensitivities` needs.
+    ws : Workspace
+        On return it holds what `sensitivities` needs.
 
     Returns
     -------
@@ -86,8 +69,8 @@ def solve(factors, y, nu, ws):
         Inverse level of the barrier's own optimum, slightly above e^-t.
 
     """
-    inverse_levels, step, trial = ws[LEVELS], ws[STEP], ws[TRIAL]
-    row0 = factors[6]
+    inverse_levels, step, trial = ws.levels, ws.step, ws.trial
+    row0 = factors.row0
     for block in range(row0.size - 1):
         if row0[block + 1] - row0[block] <= 2:
             small_block.prepare(factors, block, ws)
@@ -100,8 +83,8 @@ def solve(factors, y, nu, ws):
         return math.inf, top
     # Without a performance block a common factor of all scales is free: the last one stays.
     moving = y.size - 1
-    for i in range(factors[3].size):
-        if factors[3][i] > 0.0:
+    for i in range(factors.b.size):
+        if factors.b[i] > 0.0:
             moving = y.size
     last_nu, following, before = nu, False, TINY  # the squared decrement before
     centre = centred_level(inverse_levels, top, nu)
@@ -155,8 +138,9 @@ def solve(factors, y, nu, ws):
 @inner
 def balance(factors, y, ws):
     """Start of `solve`: scales that nearly minimise tr Q W, by Osborne's sweeps."""
-    cols, rest, p, b, row_scale, col_scale, row0, col0, _ = factors
-    into, out = ws[X], ws[X_INVERSE]
+    cols, rest, row0, col0 = factors.cols, factors.rest, factors.row0, factors.col0
+    row_scale, col_scale, p, b = factors.row_scale, factors.col_scale, factors.p, factors.b
+    into, out = ws.x, ws.x_inverse
     for _ in range(4):
         for s in range(y.size):
             into[s] = 0.0
@@ -186,7 +170,7 @@ def sensitivities(factors, centre, ws, A, mixed):
     Fills A (rows,), dh/dQ_ii, and mixed (rows,) complex, (W B a_i)_i, half the gradient of h in
     the entry a_ii; returns dh/dt.
     """
-    row0, free = factors[6], ws[FREE]
+    row0, free = factors.row0, ws.free
     level = 1.0 / centre
     total = 0.0
     for block in range(row0.size - 1):
@@ -206,11 +190,11 @@ def _inverse_levels(factors, y, ws):
 
     Infinite where W^-1 - Q_fixed is not positive.
     """
-    _, _, p, b, row_scale, _, row0, _, all_free = factors
-    free, fixed, x, x_inv, levels = ws[FREE], ws[FIXED], ws[X], ws[X_INVERSE], ws[LEVELS]
+    p, b, row_scale, row0 = factors.p, factors.b, factors.row_scale, factors.row0
+    free, fixed, x, all_free = ws.free, ws.fixed, ws.x, factors.all_free
     for s in range(y.size):
         x[s] = math.exp(y[s])
-        x_inv[s] = 1.0 / x[s]
+        ws.x_inverse[s] = 1.0 / x[s]
     top, left = 0.0, 1.0
     for block in range(row0.size - 1):
         lo, hi = row0[block], row0[block + 1]
@@ -226,7 +210,7 @@ def _inverse_levels(factors, y, ws):
             return math.inf, 0.0
         left *= limit
         for i in range(lo, hi):
-            top = max(top, levels[i])
+            top = max(top, ws.levels[i])
     return top, 0.0 if all_free else -math.log(left)
 
 
@@ -263,7 +247,7 @@ def _value(levels, centre, h0, nu):
 @inner
 def _derivatives(factors, ws, level):
     """Gradient and Hessian of h in (y, t)."""
-    g, H, row0 = ws[GRADIENT], ws[HESSIAN], factors[6]
+    g, H, row0 = ws.gradient, ws.hessian, factors.row0
     for i in range(g.size):
         g[i] = 0.0
         for k in range(g.size):
@@ -281,7 +265,7 @@ def _newton_step(ws, nu, moving):
 
     The scales from `moving` on stay as they are.
     """
-    g, H, L, step = ws[GRADIENT], ws[HESSIAN], ws[HESSIAN_FACTOR], ws[STEP]
+    g, H, L, step = ws.gradient, ws.hessian, ws.hessian_factor, ws.step
     n = g.size - 1
     decrement = 0.0
     step[moving:] = 0.0

@@ -4,26 +4,7 @@ import math
 
 import numpy as np
 
-from solver.mu.workspace import (
-    FACTOR,
-    FIXED,
-    FREE,
-    GAP,
-    GAP_A,
-    GRADIENT,
-    HESSIAN,
-    IMAGE,
-    LEVELS,
-    OFF_DIAGONAL,
-    REFLECTOR,
-    W_0,
-    W_BLOCK,
-    W_GAP,
-    X_INVERSE,
-    X,
-    inner,
-    square,
-)
+from solver.mu.workspace import inner, square
 
 __all__ = ["derivatives", "levels", "prepare", "sensitivities"]
 
@@ -34,7 +15,7 @@ MOST_TURNS = 60  # of the QL method, an eigenvalue; it takes two or three
 @inner
 def prepare(factors, block, ws):
     """Work out what the scales leave alone: W_0."""
-    rest, row0, W0 = factors[1], factors[6], ws[W_0]
+    rest, row0, W0 = factors.rest, factors.row0, ws.W_0
     lo, rows = row0[block], row0[block + 1] - row0[block]
     for i in range(lo, lo + rows):
         for k in range(i - lo + 1):
@@ -47,8 +28,8 @@ def prepare(factors, block, ws):
 @inner
 def levels(factors, block, ws):
     """Fill in W and the inverse levels; returns det(I - Q_fixed W), 0 if that is not positive."""
-    cols, col_scale, row0, col0 = factors[0], factors[5], factors[6], factors[7]
-    x_inv, W, W0 = ws[X_INVERSE], ws[W_BLOCK], ws[W_0]
+    cols, col_scale, row0, col0 = factors.cols, factors.col_scale, factors.row0, factors.col0
+    x_inv, W, W0 = ws.x_inverse, ws.W, ws.W_0
     lo, hi = row0[block], row0[block + 1]
     first, columns = col0[block], col0[block + 1] - col0[block]
     for i in range(lo, hi):
@@ -69,7 +50,7 @@ def _pencil(lo, hi, ws):
     (W^-1 - Q_fixed)^-1 = W + W Q_fixed^1/2 (I - Q_fixed^1/2 W Q_fixed^1/2)^-1 Q_fixed^1/2 W
     needs no inverse of W, which may be singular.
     """
-    free, fixed, W, F, Z, limited = ws[FREE], ws[FIXED], ws[W_BLOCK], ws[FACTOR], ws[GAP], ws[W_GAP]
+    free, fixed, W, F, Z, limited = ws.free, ws.fixed, ws.W, ws.factor, ws.gap, ws.W_gap
     n = hi - lo
     left = 1.0
     some_fixed = False
@@ -115,7 +96,7 @@ def _eigenvalues(M, n, lo, ws):
 
     Householder's tridiagonal form, then QL with implicit shifts; LAPACK would need allocations.
     """
-    d, e, v, w = ws[LEVELS], ws[OFF_DIAGONAL], ws[REFLECTOR], ws[IMAGE]
+    d, e, v, w = ws.levels, ws.off_diagonal, ws.reflector, ws.image
     for k in range(n - 1):
         size = 0.0
         for i in range(k + 1, n):
@@ -182,21 +163,13 @@ def _eigenvalues(M, n, lo, ws):
 @inner
 def derivatives(factors, block, level, ws):
     """Add the block's part to the gradient and the Hessian of h in (y, t)."""
-    cols, _, p, _, row_scale, col_scale, row0, col0, all_free = factors
-    free, x, x_inv, W, B, WB, Ba = (
-        ws[FREE],
-        ws[X],
-        ws[X_INVERSE],
-        ws[W_BLOCK],
-        ws[GAP],
-        ws[W_GAP],
-        ws[GAP_A],
-    )
-    g, H = ws[GRADIENT], ws[HESSIAN]
+    cols, p, row_scale, col_scale = factors.cols, factors.p, factors.row_scale, factors.col_scale
+    free, x, x_inv, all_free = ws.free, ws.x, ws.x_inverse, factors.all_free
+    W, B, WB, Ba, g, H = ws.W, ws.gap, ws.W_gap, ws.gap_a, ws.gradient, ws.hessian
     p_level = level if all_free else 1.0
     T = g.size - 1
-    lo, first = row0[block], col0[block]
-    rows, columns = row0[block + 1] - lo, col0[block + 1] - first
+    lo, first = factors.row0[block], factors.col0[block]
+    rows, columns = factors.row0[block + 1] - lo, factors.col0[block + 1] - first
     _inverse_gap(lo, rows, level, ws)
     _multiply(W, B, lo, rows, rows, WB)
     _multiply(B, cols, lo, rows, columns, Ba)
@@ -259,8 +232,8 @@ def derivatives(factors, block, level, ws):
 @inner
 def sensitivities(factors, block, level, ws, A, mixed):
     """Fill in the block's rows of `A` and `mixed`, as for `solver.mu.kernel.sensitivities`."""
-    cols, row0 = factors[0], factors[6]
-    W, B, WB = ws[W_BLOCK], ws[GAP], ws[W_GAP]
+    cols, row0 = factors.cols, factors.row0
+    W, B, WB = ws.W, ws.gap, ws.W_gap
     lo, rows = row0[block], row0[block + 1] - row0[block]
     _inverse_gap(lo, rows, level, ws)
     _multiply(W, B, lo, rows, rows, WB)
@@ -288,7 +261,7 @@ def _multiply(left, right, lo, rows, columns, out):
 @inner
 def _inverse_gap(lo, rows, level, ws):
     """B = (Q^-1 - W)^-1 of one block, by the Cholesky factor of I - Q^1/2 W Q^1/2."""
-    free, fixed, W, L, B = ws[FREE], ws[FIXED], ws[W_BLOCK], ws[FACTOR], ws[GAP]
+    free, fixed, W, L, B = ws.free, ws.fixed, ws.W, ws.factor, ws.gap
     for i in range(rows):
         q_i = free[lo + i] * level + fixed[lo + i]
         for k in range(i + 1):

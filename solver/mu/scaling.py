@@ -7,14 +7,14 @@ factored form, which also returns how the level changes with the controllers.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from solver.mu import one_scale
 from solver.mu.kernel import FINE, balance, sensitivities, solve
 from solver.mu.structure import BlockStructure, Bound, bound_of_scales
-from solver.mu.workspace import X, compiled, inner, workspace
+from solver.mu.workspace import Factors, compiled, inner, workspace
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -54,8 +54,38 @@ def upper_bound(N: NDArray[np.complex128], structure: BlockStructure) -> Bound:
     if structure.n_scales:
         channels = np.array(structure.scales)
         rows = np.append(channels, np.full(structure.performance, -1))
-        _scale_matrices(unit, channels, rows, True, y)  # noqa: FBT003 - numba: positional only
+        _scale_matrices(unit, channels, rows, all_free=True, y=y)
     return bound_of_scales(N, np.exp(0.5 * y), structure)
+
+
+class _Scratch(NamedTuple):
+    """Scratch arrays of one sweep.
+
+    Attributes
+    ----------
+    SG, S : (rows, widest block) complex
+        S G and S = (I + G C)^-1, block below block.
+    elimination : (widest block, 2 widest block) complex
+        I + G C of one block, and what becomes its inverse.
+    p, b, b_small : (rows,)
+        |w_I c|^2, the weight of the performance rows, and one so small that mu is that of the
+        uncertain rows.
+    A, mixed : (rows,), (rows,) complex
+        As of `sensitivities`.
+    trial : (scales,)
+        Log of the squared scales best for mu.
+
+    """
+
+    SG: NDArray[np.complex128]
+    S: NDArray[np.complex128]
+    elimination: NDArray[np.complex128]
+    p: NDArray[np.float64]
+    b: NDArray[np.float64]
+    b_small: NDArray[np.float64]
+    A: NDArray[np.float64]
+    mixed: NDArray[np.complex128]
+    trial: NDArray[np.float64]
 
 
 @compiled
@@ -76,7 +106,7 @@ def _scale_matrices(N, scales, row_scale, all_free, y):
     row0[0], row0[1] = 0, rows
     col0[0], col0[1] = 0, channels
     ws = workspace(rows, channels, y.shape[1])
-    factors = (cols, rest, p, rest_p, row_scale, scales, row0, col0, all_free)
+    factors = Factors(cols, rest, p, rest_p, row_scale, scales, row0, col0, all_free)
     for k in range(N.shape[0]):
         for i in range(rows):
             for j in range(channels):
@@ -99,8 +129,8 @@ def sweep(G, c, u, b, layout, all_free, nu, cold, y):
         Controller responses.
     u, b : (k,)
         |w_I|^2, and the weight of the performance rows: |w_P|^2, or 1 where that is sought.
-    layout : tuple
-        `LoopBlocks.layout`: controller and scale of each row, first row of each block.
+    layout : Layout
+        `LoopBlocks.layout`.
     all_free : bool
         Whether the level scales all of N (mu) or its performance rows only (skewed mu).
     nu : float
@@ -121,20 +151,20 @@ def sweep(G, c, u, b, layout, all_free, nu, cold, y):
         det(I + G C) of each block.
 
     """
-    rows, widest, blocks = G.shape[1], G.shape[2], layout[2].size - 1
+    rows, widest, blocks = G.shape[1], G.shape[2], layout.first.size - 1
     t = np.empty(G.shape[0])
     slope = np.zeros(c.shape, np.complex128)
     det = np.empty((G.shape[0], blocks), np.complex128)
-    scratch = (
-        np.zeros((rows, widest), np.complex128),
-        np.zeros((rows, widest), np.complex128),
-        np.empty((widest, 2 * widest), np.complex128),
-        np.empty(rows),
-        np.empty(rows),
-        np.empty(rows),
-        np.empty(rows),
-        np.empty(rows, np.complex128),
-        np.empty(y.shape[1]),
+    scratch = _Scratch(
+        SG=np.zeros((rows, widest), np.complex128),
+        S=np.zeros((rows, widest), np.complex128),
+        elimination=np.empty((widest, 2 * widest), np.complex128),
+        p=np.empty(rows),
+        b=np.empty(rows),
+        b_small=np.empty(rows),
+        A=np.empty(rows),
+        mixed=np.empty(rows, np.complex128),
+        trial=np.empty(y.shape[1]),
     )
     ws = workspace(rows, widest, y.shape[1])
     _sweep(G, c, u, b, layout, all_free, nu, cold, y, scratch, ws, t, slope, det)
@@ -144,17 +174,18 @@ def sweep(G, c, u, b, layout, all_free, nu, cold, y):
 @inner
 def _sweep(G, c, u, b, layout, all_free, nu, cold, y, scratch, ws, t, slope, det):
     """Fill in `t`, `slope` and `det`, with arrays that are there already."""
-    channels, scales, first = layout
-    cols, S, E, p, b_rows, b_small, A, mixed, trial = scratch
-    rows, x = p.size, ws[X]
-    closed_form = rows <= 2 and G.shape[2] == 1 and trial.size == 1
+    channels, scales, first = layout.channels, layout.scales, layout.first
+    S, SG, p, A, mixed = scratch.S, scratch.SG, scratch.p, scratch.A, scratch.mixed
+    rows, x = p.size, ws.x
+    factors = Factors(SG, S, p, scratch.b, scales, scales, first, first, all_free)
+    closed_form = rows <= 2 and G.shape[2] == 1 and x.size == 1
     for i in range(rows):
         closed_form = closed_form and channels[i] == channels[0]
     for k in range(t.size):
         for block in range(first.size - 1):
             lo = first[block]
             size = first[block + 1] - lo
-            det[k, block] = _sensitivity(G[k], c[k], channels, lo, size, E, S, cols)
+            det[k, block] = _sensitivity(G[k], c[k], channels, lo, size, scratch.elimination, S, SG)
             if not b[k] > 0.0:
                 for i in range(lo, lo + size):
                     for j in range(size):
@@ -162,20 +193,19 @@ def _sweep(G, c, u, b, layout, all_free, nu, cold, y, scratch, ws, t, slope, det
         for i in range(rows):
             ci = c[k, channels[i]]
             p[i] = u[k] * (ci.real * ci.real + ci.imag * ci.imag)
-            b_rows[i] = b[k]
-            b_small[i] = 1e-6 * b[k]
+            scratch.b[i] = b[k]
+            scratch.b_small[i] = 1e-6 * b[k]
         if closed_form:
             barrier = nu if nu > FINE else 0.0
-            t[k], x[0], total = one_scale.solve(cols, S, p[0], b[k], all_free, barrier, A, mixed)
+            t[k], x[0], total = one_scale.solve(SG, S, p[0], b[k], all_free, barrier, A, mixed)
             y[k, 0] = math.log(x[0])
         else:
-            factors = (cols, S, p, b_rows, scales, scales, first, first, all_free)
             if cold and k > 0:
-                for i in range(trial.size):
+                for i in range(x.size):
                     y[k, i] = y[k - 1, i]
             elif cold:
                 balance(factors, y[k], ws)
-            t[k], centre = _solve_from(factors, b_small, y[k], trial, nu, ws)
+            t[k], centre = _solve_from(factors, scratch, y[k], nu, ws)
             total = sensitivities(factors, centre, ws, A, mixed) if abs(t[k]) < math.inf else 1.0
         if not abs(t[k]) < math.inf:
             continue
@@ -187,16 +217,19 @@ def _sweep(G, c, u, b, layout, all_free, nu, cold, y, scratch, ws, t, slope, det
 
 
 @inner
-def _solve_from(factors, b_small, y, trial, nu, ws):
+def _solve_from(factors, scratch, y, nu, ws):
     """Solve; where the uncertain part alone exceeds 1 at `y`, from the scales best for mu."""
-    cols, S, p, _, scales, _, first, _, _ = factors
+    scales, first, trial = factors.row_scale, factors.row0, scratch.trial
     task, place, end = factors, y, nu
     for attempt in range(3):
         t, centre = solve(task, place, end, ws)
         if attempt == 0 and t == -math.inf:
             for i in range(y.size):
                 trial[i] = y[i]
-            task = (cols, S, p, b_small, scales, scales, first, first, True)
+            task = Factors(
+                scratch.SG, scratch.S, scratch.p, scratch.b_small, scales, scales, first, first,
+                not factors.all_free,  # true: only the level of some rows can be forbidden
+            )  # fmt: skip
             balance(task, trial, ws)
             place, end = trial, 1e-4
         elif attempt == 1:

@@ -8,62 +8,52 @@ import math
 
 import numpy as np
 
-from solver.mu.workspace import (
-    COEFFICIENTS,
-    FIRST,
-    FIXED,
-    FREE,
-    GRADIENT,
-    HESSIAN,
-    LEVELS,
-    SECOND,
-    VARIABLE,
-    X_INVERSE,
-    X,
-    inner,
-    square,
-)
+from solver.mu.workspace import inner, square
 
 __all__ = ["derivatives", "levels", "prepare", "sensitivities"]
+
+REAL, IMAGINARY = 2, 3  # parts of W_12 among the coefficients, after W_11 and W_22
 
 
 @inner
 def prepare(factors, block, ws):
     """Work out what the scales leave alone: the coefficients of W in the inverse scales."""
-    cols, rest, _, _, _, _, row0, col0, _ = factors
-    K = ws[COEFFICIENTS]
+    cols, rest, row0, col0 = factors.cols, factors.rest, factors.row0, factors.col0
+    table = ws.coefficients
     lo, rows = row0[block], row0[block + 1] - row0[block]
     columns = col0[block + 1] - col0[block]
-    for i in range(12):
-        K[lo, i] = 0.0
+    for entry in range(4):
+        for k in range(3):
+            table[lo, entry, k] = 0.0
     for i in range(rows):
         for j in range(rest.shape[1]):
-            K[lo, 3 * i] += square(rest[lo + i, j])
+            table[lo, i, 0] += square(rest[lo + i, j])
         for j in range(columns):
-            K[lo, 3 * i + 1 + j] = square(cols[lo + i, j])
+            table[lo, i, 1 + j] = square(cols[lo + i, j])
     if rows > 1:
         for j in range(rest.shape[1]):
             v = rest[lo, j] * np.conj(rest[lo + 1, j])
-            K[lo, 6] += v.real
-            K[lo, 9] += v.imag
+            table[lo, REAL, 0] += v.real
+            table[lo, IMAGINARY, 0] += v.imag
         for j in range(columns):
             v = cols[lo, j] * np.conj(cols[lo + 1, j])
-            K[lo, 7 + j], K[lo, 10 + j] = v.real, v.imag
+            table[lo, REAL, 1 + j], table[lo, IMAGINARY, 1 + j] = v.real, v.imag
 
 
 @inner
 def _entries(factors, block, ws):
     """W_11, W_22 and W_12 of a block of one or two rows, at the scales in the workspace."""
-    col_scale, row0, col0 = factors[5], factors[6], factors[7]
-    x_inv, K = ws[X_INVERSE], ws[COEFFICIENTS]
-    lo, first, columns = row0[block], col0[block], col0[block + 1] - col0[block]
-    e1 = x_inv[col_scale[first]] if columns > 0 else 0.0
-    e2 = x_inv[col_scale[first + 1]] if columns > 1 else 0.0
+    lo, first = factors.row0[block], factors.col0[block]
+    columns = factors.col0[block + 1] - first
+    e1 = ws.x_inverse[factors.col_scale[first]] if columns > 0 else 0.0
+    e2 = ws.x_inverse[factors.col_scale[first + 1]] if columns > 1 else 0.0
+    table = ws.coefficients
     return (
-        K[lo, 0] + K[lo, 1] * e1 + K[lo, 2] * e2,
-        K[lo, 3] + K[lo, 4] * e1 + K[lo, 5] * e2,
+        table[lo, 0, 0] + table[lo, 0, 1] * e1 + table[lo, 0, 2] * e2,
+        table[lo, 1, 0] + table[lo, 1, 1] * e1 + table[lo, 1, 2] * e2,
         complex(
-            K[lo, 6] + K[lo, 7] * e1 + K[lo, 8] * e2, K[lo, 9] + K[lo, 10] * e1 + K[lo, 11] * e2
+            table[lo, REAL, 0] + table[lo, REAL, 1] * e1 + table[lo, REAL, 2] * e2,
+            table[lo, IMAGINARY, 0] + table[lo, IMAGINARY, 1] * e1 + table[lo, IMAGINARY, 2] * e2,
         ),
     )
 
@@ -82,8 +72,8 @@ def _gap(w1, w2, size, q1, q2):
 @inner
 def levels(factors, block, ws):
     """Fill in the inverse levels; returns det(I - Q_fixed W), 0 where that is not positive."""
-    row0 = factors[6]
-    free, fixed, inverse = ws[FREE], ws[FIXED], ws[LEVELS]
+    row0 = factors.row0
+    free, fixed, inverse = ws.free, ws.fixed, ws.levels
     lo, hi = row0[block], row0[block + 1]
     w1, w2, w12 = _entries(factors, block, ws)
     size = square(w12)
@@ -108,9 +98,10 @@ def derivatives(factors, block, level, ws):
 
     In five variables: the log scales of both rows, those of both columns, and t.
     """
-    cols, _, p, _, row_scale, col_scale, row0, col0, all_free = factors
-    free, fixed, x, x_inv = ws[FREE], ws[FIXED], ws[X], ws[X_INVERSE]
-    g, H, first, second, variable = ws[GRADIENT], ws[HESSIAN], ws[FIRST], ws[SECOND], ws[VARIABLE]
+    cols, p, row_scale, col_scale = factors.cols, factors.p, factors.row_scale, factors.col_scale
+    row0, col0, all_free = factors.row0, factors.col0, factors.all_free
+    free, fixed, x, x_inv = ws.free, ws.fixed, ws.x, ws.x_inverse
+    g, H, first, second, variable = ws.gradient, ws.hessian, ws.first, ws.second, ws.variable
     lo, two = row0[block], row0[block + 1] - row0[block] == 2
     start, columns = col0[block], col0[block + 1] - col0[block]
     p_level = level if all_free else 1.0
@@ -182,8 +173,8 @@ def derivatives(factors, block, level, ws):
 @inner
 def sensitivities(factors, block, level, ws, A, mixed):
     """Fill in the block's rows of `A` and `mixed`, as for `solver.mu.kernel.sensitivities`."""
-    cols, row0 = factors[0], factors[6]
-    free, fixed = ws[FREE], ws[FIXED]
+    cols, row0 = factors.cols, factors.row0
+    free, fixed = ws.free, ws.fixed
     lo, rows = row0[block], row0[block + 1] - row0[block]
     q1 = free[lo] * level + fixed[lo]
     q2 = free[lo + 1] * level + fixed[lo + 1] if rows > 1 else 0.0

@@ -9,7 +9,7 @@ import numpy as np
 
 from solver.model.plants import ParallelPlant
 from solver.mu.scaling import sweep
-from solver.optimality.cuts import NU, cuts
+from solver.optimality.cuts import NU, Cuts, cuts
 from solver.optimality.settings_box import demands, narrow
 
 if TYPE_CHECKING:
@@ -99,31 +99,36 @@ class Conditions:
 
         """
         low, high = low.copy(), high.copy()
-        weight = self.performance.max_peak, self.performance.offset
+        max_peak, offset = self.performance.max_peak, self.performance.offset
         v, s = np.sqrt(low * high), known
         y = np.zeros((used.size, self.blocks.n_scales))
-        found: list[tuple[NDArray[np.float64], ...]] = []
-        cold, all_free = True, True
+        found: list[Cuts] = []
+        cold = True
         for _ in range(ROUNDS):
             points, G, u = self.samples.s[used], self.samples.G[used], self.samples.u[used]
-            p = demands(self.target, points, *weight)
+            p = demands(self.target, points, max_peak, offset)
             # Of |E Z - G v| at |c| = 1: |v| <= sqrt(u) |c Z|.
             reach = self.samples.size[used] * (1 + np.sqrt(u))
             c = self.signs * (v[::2] + v[1::2] / points[:, None])
-            sweep(G, c, u, p, self.blocks.layout, all_free, NU, cold, y)
+            sweep(G, c, u, p, self.blocks.layout, all_free=True, nu=NU, cold=cold, y=y)
             cold = False
             found.append(cuts(c, G, u, p, self.blocks.layout, np.exp(y)))
-            cut = tuple(np.stack(parts, axis=1) for parts in zip(*found, strict=True))
+            cut = Cuts(
+                np.stack([made.above for made in found], axis=1),
+                np.stack([made.norm for made in found], axis=1),
+                np.stack([made.size for made in found], axis=1),
+            )
             middle, half = 0.5 * (low + high), 0.5 * (high - low)
             excluded, s, e, room = narrow(
-                low, high, cut, p, points, reach, self.signs, self.cone, weight, self.target, s
+                low, high, cut, p, points, reach, self.signs, self.cone, max_peak, offset,
+                self.target, s,
             )  # fmt: skip
             if excluded:
                 return Verdict(self.target, None, low, high, used)
             v = np.clip(middle + half * e, low, high)
             kept = np.argsort(room, kind="stable")[:KEPT]
             used, y = used[kept], y[kept]
-            found = [tuple(part[kept] for part in made) for made in found]
+            found = [Cuts(made.above[kept], made.norm[kept], made.size[kept]) for made in found]
         return Verdict(s, int((high / low).argmax()), low, high, used)
 
     @property
@@ -158,7 +163,7 @@ def robust_limits(
     E zeta - G v = 0, hence |v_s| > |w_I (C zeta)_s|, or |c + y|^2 > u |c|^2 with y = 1/G_ee: c is
     in a disc.
     """
-    channels, _, first = blocks.layout
+    channels, first = blocks.layout.channels, blocks.layout.first
     limits = np.full(2 * signs.size, np.inf)
     for row, channel in enumerate(channels):
         own = samples.G[:, row, row - first[first <= row].max()]

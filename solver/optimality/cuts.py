@@ -23,18 +23,41 @@ response of the worst plant, each row linear in the other one's controller (`_fo
 the condition sharp over a far wider range. It is a Hermitian form in 1, c_1, c_2, c_1 c_2.
 """
 
+from __future__ import annotations
+
 import math
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from solver.mu.kernel import centred_level
 from solver.mu.workspace import compiled, square
 
-__all__ = ["NU", "cuts"]
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["NU", "Cuts", "cuts"]
 
 NU = 1e-5  # barrier parameter: a cut is that much less sharp than the best scales
 SHORT = 1.0 - 1e-12  # h and q stay shorter than 1 whatever the rounding
 LEAST = 1e-250  # squared lengths below this have lost digits
+
+
+class Cuts(NamedTuple):
+    """Conditions p psi^H norm psi <= psi^H above psi, psi the products of the controllers.
+
+    Attributes
+    ----------
+    above, norm : (k, size of psi, size of psi) complex
+        Hermitian, not negative; 0 where no condition was found.
+    size : (k, 1 + controllers)
+        Bound |Z|: size_0 + sum_j size_j |c_j|.
+
+    """
+
+    above: NDArray[np.complex128]
+    norm: NDArray[np.complex128]
+    size: NDArray[np.float64]
 
 
 @compiled
@@ -51,17 +74,15 @@ def cuts(c, G, u, p, layout, x):
         `LoopBlocks.packed_at`, blocks of at most two rows.
     u, p : (k,)
         |w_I|^2, and |w_P|^2 that is demanded.
-    layout : tuple
+    layout : Layout
         `LoopBlocks.layout`.
     x : (k, scales)
         Squared scales near the best ones for mu.
 
     Returns
     -------
-    above, norm : (k, size of psi, size of psi) complex
-        Hermitian, not negative; 0 where no condition was found.
-    size : (k, 1 + controllers)
-        Bound |Z|: size_0 + sum_j size_j |c_j|.
+    Cuts
+        One a point.
 
     """
     count, controllers = c.shape
@@ -81,7 +102,7 @@ def cuts(c, G, u, p, layout, x):
             if controllers == 2:
                 _follow(c[k], G[k], reach, layout, Z, V, Q, slope)
             _expand(c[k], G[k], reach, layout, Z, V, Q, slope, above[k], norm[k], size[k])
-    return above, norm, size
+    return Cuts(above, norm, size)
 
 
 @compiled
@@ -91,7 +112,7 @@ def _directions(c, G, u, p, layout, x, Z, V):
     A = E^H P E with P = (I + G X^-1 G^H)^-1, Q = u C^H X C + p I, and the level l is that of the
     barrier: sum over all levels l_i of the pencil 1/(l_i/l - 1) = 1/nu.
     """
-    channels, scales, first = layout
+    channels, scales, first = layout.channels, layout.scales, layout.first
     if not (x.min() > LEAST and x.max() < 1.0 / LEAST):
         return False
     lowest = math.inf
@@ -166,7 +187,7 @@ def _directions(c, G, u, p, layout, x, Z, V):
 @compiled
 def _normalise(c, layout, Z, V, Q):
     """Make |Z| = 1 and of each scale |V_s| < 1; fill in Q_s with |Q_s| < 1, along (C Z)_s."""
-    channels, scales, _ = layout
+    channels, scales = layout.channels, layout.scales
     total = 0.0
     for r in range(channels.size):
         total += square(Z[r, 0]) + square(Z[r, 1])
@@ -195,7 +216,7 @@ def _normalise(c, layout, Z, V, Q):
 @compiled
 def _drive(c, layout, Z, Q):
     """<q_s, (C Z)_s> for each scale, which v follows."""
-    channels, scales, _ = layout
+    channels, scales = layout.channels, layout.scales
     drive = np.zeros(scales.max() + 1, np.complex128)
     for r in range(channels.size):
         for j in range(2):
@@ -206,7 +227,7 @@ def _drive(c, layout, Z, Q):
 @compiled
 def _part(c, G, root_u, layout, Z, V, Q):
     """Share t in 0..1 of the permitted v for which |E Z - t G v| is least."""
-    channels, scales, first = layout
+    channels, scales, first = layout.channels, layout.scales, layout.first
     overlap, length = 0.0, 0.0
     drive = _drive(c, layout, Z, Q)
     for block in range(first.size - 1):
@@ -230,7 +251,7 @@ def _follow(c, G, reach, layout, Z, V, Q, slope):
     in place of G, and zeta = (I + G (I - rho) C)^-1 w for a fixed w. Its multiple by det(I + G (I -
     rho) C) is linear in the other row's controller alone. Other blocks follow the determinant.
     """
-    channels, scales, _ = layout
+    channels, scales = layout.channels, layout.scales
     slope[:, :] = 0j
     drive = _drive(c, layout, Z, Q)
     seen = np.zeros((2, 2), np.complex128)  # I - Delta
@@ -269,7 +290,7 @@ def _follow(c, G, reach, layout, Z, V, Q, slope):
 @compiled
 def _expand(c, G, reach, layout, Z, V, Q, slope, above, norm, size):
     """Coefficients of |E Z - G v|^2 and |Z|^2 in the products of the controllers."""
-    channels, scales, first = layout
+    channels, scales, first = layout.channels, layout.scales, layout.first
     controllers = c.size
     products = above.shape[0]
     rows = channels.size

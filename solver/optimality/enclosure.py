@@ -29,8 +29,8 @@ def linearise(low, high, cut, p, points, reach, signs, cone, a, b, bends):
     ----------
     low, high : (m,)
         The box, > 0.
-    cut : tuple
-        What `solver.optimality.cuts.cuts` returns, with a second axis: several cuts a point.
+    cut : Cuts
+        With a second axis: several cuts a point.
     p, points, reach : (k,)
         The demand, the points, and a bound of the norm of I + G C and its derivative there for
         controllers of modulus 1.
@@ -45,7 +45,7 @@ def linearise(low, high, cut, p, points, reach, signs, cone, a, b, bends):
         Filled in: each condition's coefficients, relative to the demand in the middle of the box.
 
     """
-    above, norm, sizes = cut
+    above, norm, sizes = cut.above, cut.norm, cut.size
     m, several = low.size, above.shape[1]
     count = points.size * several
     controllers = signs.size

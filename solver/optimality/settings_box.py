@@ -44,7 +44,9 @@ def _demand(s, at, max_peak, offset):
 
 
 @compiled
-def narrow(low, high, cut, p, points, reach, signs, cone, weight, target, known):
+def narrow(
+    low, high, cut, p, points, reach, signs, cone, max_peak, offset, target, known
+):  # fmt: skip
     """Exclude a box, or tell what is possible in it.
 
     Parameters
@@ -53,7 +55,7 @@ def narrow(low, high, cut, p, points, reach, signs, cone, weight, target, known)
         The box, > 0; tightened in place to what each condition leaves.
     cut, p, points, reach, signs, cone
         As in `linearise`, at the target.
-    weight : tuple
+    max_peak, offset : float
         M, A of w_P.
     target, known : float
         s to be excluded, and a lower bound of s over the box.
@@ -70,7 +72,7 @@ def narrow(low, high, cut, p, points, reach, signs, cone, weight, target, known)
         By how much each point's conditions are met at `e`.
 
     """
-    m, several = low.size, cut[0].shape[1]
+    m, several = low.size, cut.above.shape[1]
     count = points.size * several
     a = np.empty((count + cone.shape[0], m))
     b = np.empty(count + cone.shape[0])
@@ -90,9 +92,9 @@ def narrow(low, high, cut, p, points, reach, signs, cone, weight, target, known)
         at, turn = k // several, k % several
         room[at] = min(room[at], value)
         if w[k] > 0.0:
-            norm, sizes = cut[1][at, turn], cut[2][at, turn]
+            norm, sizes = cut.norm[at, turn], cut.size[at, turn]
             share[k] = w[k] * least_length(low, high, points[at], norm, sizes, signs)
-    s = _excluded_up_to(rest, p, points, share, weight, target, known)
+    s = _excluded_up_to(rest, p, points, share, max_peak, offset, target, known)
     excluded = not _tighten(low, high, total, rounding, bends)
     return excluded, target if excluded else s, e, room
 
@@ -116,7 +118,7 @@ def weighted(w, bends, total):
 
 
 @compiled
-def _excluded_up_to(rest, p, points, share, weight, target, known):
+def _excluded_up_to(rest, p, points, share, max_peak, offset, target, known):
     """Greatest s up to `target` that the weights exclude from the box, at least `known`.
 
     Only the demand depends on s: what a condition lacks is share (p(s)/p - 1) more.
@@ -128,7 +130,7 @@ def _excluded_up_to(rest, p, points, share, weight, target, known):
         for k in range(share.size):
             if share[k] > 0.0:
                 point = k // (share.size // points.size)
-                more = _demand(middle, points[point], weight[0], weight[1]) / p[point]
+                more = _demand(middle, points[point], max_peak, offset) / p[point]
                 value += share[k] * (1.0 - more * (1.0 - ROUNDING))
         if value < 0.0:
             lowest = middle

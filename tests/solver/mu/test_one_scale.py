@@ -21,7 +21,8 @@ def levels(plant, k, tau_I, *, all_free):
     b = Performance(tau_p=30).magnitude(OMEGA) ** 2 if all_free else np.ones_like(OMEGA)
     u = UNCERTAINTY.magnitude(OMEGA) ** 2
     y = np.zeros((OMEGA.size, blocks.n_scales))
-    t, slope, _ = sweep(blocks.packed(OMEGA), c, u, b, blocks.layout, all_free, FINE, True, y)
+    G = blocks.packed(OMEGA)
+    t, slope, _ = sweep(G, c, u, b, blocks.layout, all_free=all_free, nu=FINE, cold=True, y=y)
     return t, slope[:, 0], c[:, 0], b
 
 
