@@ -22,6 +22,7 @@ from solver.interaction.interpretation import (
     read_loop,
 )
 from solver.interaction.loop_effect import StaticEffect, static_effects
+from solver.interaction.own_zeros import LoopLimit, loop_limits
 from solver.interaction.pairing import (
     Pairing,
     PairingRanking,
@@ -29,6 +30,7 @@ from solver.interaction.pairing import (
     rank_pairings,
     rank_parallel_pairings,
 )
+from solver.interaction.pairing_advice import gain_warnings, pairing_warnings
 from solver.interaction.parallel_forms import ParallelForms, parallel_forms
 from solver.interaction.parallel_matrix import ParallelMatrix
 from solver.interaction.relative_gain import (
@@ -100,6 +102,8 @@ class Interaction:
         None for plants that are not stable: the conditions do not apply.
     zeros : TransmissionZeros
         With the bandwidth limits of those in the right half plane.
+    loop_limits : tuple of LoopLimit
+        What right-half-plane zeros of its own element forbid a loop alone.
     effects : tuple of StaticEffect
         What the gain of each loop does to each other one; regular gains only.
     curves : RelativeGainCurves
@@ -125,6 +129,7 @@ class Interaction:
     recommended: Pairing | None
     integral_controllability: IntegralControllability | None
     zeros: TransmissionZeros
+    loop_limits: tuple[LoopLimit, ...]
     effects: tuple[StaticEffect, ...]
     curves: RelativeGainCurves
     parallel: ParallelForms | None
@@ -155,7 +160,7 @@ def analyse_interaction(plant: Plant, omega: NDArray[np.float64] | None = None) 
     if low.status is not GainStatus.SINGULAR:
         relative_gains = relative_gain_array(low.gain)
         index = niederlinski_index(low.gain)
-        ranking = rank_pairings(low.gain)
+        ranking = rank_pairings(low.gain, stable=stable)
     loops = (
         ()
         if relative_gains is None
@@ -170,6 +175,7 @@ def analyse_interaction(plant: Plant, omega: NDArray[np.float64] | None = None) 
     elif stable:
         controllability = integral_controllability(low.gain)
     zeros = transmission_zeros(plant)
+    limits = loop_limits(plant, zeros)
     return Interaction(
         n=plant.n,
         gain_status=low.status,
@@ -187,11 +193,15 @@ def analyse_interaction(plant: Plant, omega: NDArray[np.float64] | None = None) 
         recommended=None if ranking is None else ranking.recommended,
         integral_controllability=controllability,
         zeros=zeros,
+        loop_limits=limits,
         effects=static_effects(low.gain) if regular else (),
         curves=RelativeGainCurves(omega, relative_gain_at(plant.response(omega))),
         parallel=parallel,
-        warnings=_warnings(
-            low.status, stable=stable, loops=loops, zeros=zeros, controllability=controllability
+        warnings=(
+            *_warnings(low.status, stable=stable, loops=loops, controllability=controllability),
+            *gain_warnings(relative_gains, loops),
+            *pairing_warnings(ranking, controllability),
+            *_zero_warnings(zeros, limits),
         ),
     )
 
@@ -205,14 +215,16 @@ def _analyse_many_units(plant: ParallelPlant, omega: NDArray[np.float64]) -> Int
     )
     ranking = None
     loops: tuple[LoopReading, ...] = ()
-    sign = None
+    sign = gains = None
     if status is not GainStatus.SINGULAR:
-        ranking = rank_parallel_pairings(matrix)
+        ranking = rank_parallel_pairings(matrix, stable=stable)
         own, other = np.real(matrix.own_relative_gain), np.real(matrix.other_relative_gain)
         loops = (read_loop(0, float(own)),)
-        sign = interaction_sign(np.array([own, other]))
+        gains = np.array([own, other])
+        sign = interaction_sign(gains)
     controllability = parallel_integral_controllability(matrix) if stable else None
     zeros = transmission_zeros(plant)
+    limits = loop_limits(plant, zeros)
     own_pairing = None if ranking is None else next(p for p in ranking.pairings if not p.inputs[0])
     return Interaction(
         n=plant.n,
@@ -229,11 +241,15 @@ def _analyse_many_units(plant: ParallelPlant, omega: NDArray[np.float64]) -> Int
         recommended=None if ranking is None else ranking.recommended,
         integral_controllability=controllability,
         zeros=zeros,
+        loop_limits=limits,
         effects=(),
         curves=RelativeGainCurves(omega, None),
         parallel=parallel_forms(plant, matrix, omega) if finite else None,
-        warnings=_warnings(
-            status, stable=stable, loops=loops, zeros=zeros, controllability=controllability
+        warnings=(
+            *_warnings(status, stable=stable, loops=loops, controllability=controllability),
+            *gain_warnings(gains, loops),
+            *pairing_warnings(ranking, controllability),
+            *_zero_warnings(zeros, limits),
         ),
     )
 
@@ -251,7 +267,6 @@ def _warnings(
     *,
     stable: bool,
     loops: tuple[LoopReading, ...],
-    zeros: TransmissionZeros,
     controllability: IntegralControllability | None,
 ) -> tuple[str, ...]:
     found = []
@@ -277,6 +292,11 @@ def _warnings(
             "As numbered, no decentralised integral control survives all changes of the loops' "
             "gains: " + "; ".join(controllability.reasons[:3]) + "."
         )
+    return tuple(found)
+
+
+def _zero_warnings(zeros: TransmissionZeros, limits: tuple[LoopLimit, ...]) -> tuple[str, ...]:
+    found = []
     if zeros.degenerate:
         found.append("The outputs depend on each other at all frequencies.")
     if zeros.bandwidth_limit is not None:
@@ -284,6 +304,7 @@ def _warnings(
             "A zero in the right half plane limits the bandwidth of the worst direction to "
             f"{zeros.bandwidth_limit:.3g} rad per time unit (peak of the sensitivity below 2)."
         )
+    found += [limit.text for limit in limits]
     if zeros.method is ZeroMethod.SEARCH:
         found.append(
             "The dead times do not factor out: zeros were sought in the right half plane up to "

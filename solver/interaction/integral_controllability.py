@@ -141,15 +141,24 @@ def parallel_integral_controllability(matrix: ParallelMatrix) -> IntegralControl
     if lower < a < 1:
         return IntegralControllability(Verdict.GUARANTEED, (), (), smallest, np.ones(n), lower, 1.0)
     failing: tuple[int, ...] = (0, 1)
-    if a >= 1:
-        reason = f"the interaction a = {a:.6g} is not below 1: no two units can be told apart"
+    if a == 1:
+        reason = (
+            "the interaction a is 1: no two units can be told apart, one controller must drive "
+            "them all"
+        )
+    elif a > 1:
+        reason = (
+            f"the interaction a = {a:.6g} is above 1: each input moves the other outputs more than "
+            "its own, so the differences between units go the wrong way"
+        )
     else:
         # The sub-system of m units has the lower limit -1/(m-1): the smallest m that fails.
         count = next(m for m in range(2, n + 1) if 1 + (m - 1) * a <= 0)
         failing = tuple(range(count))
         reason = (
             f"the interaction a = {a:.6g} is not above -1/(n-1) = {lower:.6g}: "
-            "the sum of the outputs goes the wrong way"
+            "the sum of the outputs goes the wrong way, which no split of a given stream does; "
+            "check the model"
         )
     return IntegralControllability(
         Verdict.IMPOSSIBLE, (reason,), (failing,), smallest, None, lower, 1.0

@@ -21,13 +21,15 @@ if TYPE_CHECKING:
 __all__ = ["InteractionSign", "LoopMeaning", "LoopReading", "interaction_sign", "read_loop"]
 
 _EXACT = 1e-9  # a relative gain this near 0 or 1 is 0 or 1
+# Interaction that nobody notices: a change of the gain by as much as a valve's or a transmitter's.
+_SLIGHT = 0.02
 
 
 class InteractionSign(StrEnum):
     """Sign of the interaction of a plant.
 
-    NONE: every relative gain is 0 or 1. POSITIVE: all lie between 0 and 1; the loops help each
-    other. NEGATIVE: some are negative, and then some above 1; the loops fight each other.
+    NONE: every relative gain is 0 or 1 within 0.02. POSITIVE: all lie between 0 and 1; the loops
+    help each other. NEGATIVE: some are negative, and then some above 1; the loops fight each other.
     """
 
     NONE = "none"
@@ -36,7 +38,12 @@ class InteractionSign(StrEnum):
 
 
 class LoopMeaning(StrEnum):
-    """What closing the other loops does to the gain of a loop."""
+    """What closing the other loops does to the gain of a loop.
+
+    UNAFFECTED: nothing, or less than 2 per cent. HELPED: the gain rises. FOUGHT: it falls.
+    REVERSED: it changes its sign. DEPENDENT: there is none with the others open, as good as none
+    for a relative gain below 0.02.
+    """
 
     UNAFFECTED = "unaffected"
     HELPED = "helped"
@@ -62,7 +69,7 @@ class LoopReading:
 
 def interaction_sign(relative_gains: NDArray[np.float64]) -> InteractionSign:
     """Return the sign of the interaction from the relative gain array, (n, n)."""
-    near_whole = np.minimum(np.abs(relative_gains), np.abs(relative_gains - 1)) <= _EXACT
+    near_whole = np.minimum(np.abs(relative_gains), np.abs(relative_gains - 1)) <= _SLIGHT
     if np.all(near_whole):
         return InteractionSign.NONE
     if np.min(relative_gains) >= -_EXACT:
@@ -84,10 +91,19 @@ def read_loop(loop: int, relative_gain: float) -> LoopReading:
     name = f"Loop {loop + 1}"
     if abs(relative_gain) <= _EXACT:
         meaning = LoopMeaning.DEPENDENT
-        text = f"{name} acts through the other loops only: it fails when they are open."
+        text = (
+            f"{name} acts through the other loops only: it fails when they are open. Pair it with "
+            "another input; two loops interchanged then do not interact at all."
+        )
     elif abs(relative_gain - 1) <= _EXACT:
         meaning = LoopMeaning.UNAFFECTED
         text = f"{name} keeps its gain when the other loops close."
+    elif abs(relative_gain - 1) <= _SLIGHT:
+        meaning = LoopMeaning.UNAFFECTED
+        text = (
+            f"{name} hardly notices the other loops: its gain goes to "
+            f"{_number(1 / relative_gain)} times when they close."
+        )
     elif relative_gain < 0:
         meaning = LoopMeaning.REVERSED
         text = (

@@ -16,7 +16,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from solver.interaction.integral_controllability import (
+    Verdict,
+    integral_controllability,
+    parallel_integral_controllability,
+)
 from solver.interaction.relative_gain import relative_gain_array
+from solver.stability.singular import equilibrate
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -38,6 +44,7 @@ __all__ = [
 BAND = (0.67, 1.5)  # Astrom and Hagglund: decoupling can improve control outside it
 EXHAUSTIVE_UP_TO = 8
 KEPT = 120  # all pairings of 5 x 5, the best of larger plants
+TESTED = 20  # pairings that pass all conditions on integral control; a page of them is enough
 
 # A pair with a relative gain of zero or less outweighs any set of positive ones, whose
 # |ln lambda| stays below 30 a pair (gains with a condition number above 1e13 are singular).
@@ -64,6 +71,10 @@ class Pairing:
     distance : float
         Sum over the pairs of |ln lambda|, zero without interaction: halving and doubling a
         gain count alike, as they do in `BAND`. A pair with lambda <= 0 adds more than 1000.
+    integral_controllability : Verdict or None
+        Whether loops so paired may be detuned or switched off in any order. None for plants that
+        are not stable, since the conditions do not apply, and behind the first `TESTED` pairings
+        that pass, for those of which only the minors were looked at.
 
     """
 
@@ -73,11 +84,17 @@ class Pairing:
     admissible: bool
     within_band: bool
     distance: float
+    integral_controllability: Verdict | None = None
+
+    @property
+    def sound(self) -> bool:
+        """Whether it is admissible and not known to fail when loops are detuned or switched off."""
+        return self.admissible and self.integral_controllability is not Verdict.IMPOSSIBLE
 
 
 @dataclass(frozen=True)
 class PairingRanking:
-    """Pairings, best first: the admissible ones, each set by rising distance.
+    """Pairings, best first: the sound ones, the other admissible ones, the rest; by distance.
 
     `examined` pairings were compared; `exhaustive` says whether these are all. `pairings` holds
     the best `KEPT` of them.
@@ -89,9 +106,9 @@ class PairingRanking:
 
     @property
     def recommended(self) -> Pairing | None:
-        """The best admissible pairing, or None where there is none among those examined."""
+        """The best sound pairing, or None where there is none among those examined."""
         best = self.pairings[0]
-        return best if best.admissible else None
+        return best if best.sound else None
 
 
 def niederlinski_index(gain: NDArray[np.float64]) -> float:
@@ -110,8 +127,10 @@ def niederlinski_index(gain: NDArray[np.float64]) -> float:
     return _index(float(sign * np.prod(np.sign(diagonal))), float(log_size) - log_product)
 
 
-def rank_pairings(gain: NDArray[np.float64]) -> PairingRanking:
+def rank_pairings(gain: NDArray[np.float64], *, stable: bool = True) -> PairingRanking:
     """Rank pairings: all of them up to n = 8, beyond that the `KEPT` nearest to no interaction.
+
+    Of a stable plant every admissible one is tested for decentralised integral controllability.
 
     Beyond n = 8 the candidates come in order of distance from the assignment problem and its
     next best solutions (Murty 1968), so every pairing left out is at least as far from one.
@@ -120,6 +139,8 @@ def rank_pairings(gain: NDArray[np.float64]) -> PairingRanking:
     ----------
     gain : (n, n)
         Static gain, regular.
+    stable : bool
+        Whether the plant is stable.
 
     Raises
     ------
@@ -145,20 +166,28 @@ def rank_pairings(gain: NDArray[np.float64]) -> PairingRanking:
         log_products = np.log(np.abs(pair_gains)).sum(axis=1)
     all_positive = np.all(relative_gains[rows, candidates] > 0, axis=1)
     admissible = all_positive & (signs > 0)
-    order = np.lexsort((distances, ~admissible))[:KEPT]
+    possible = admissible.copy()
+    if stable:
+        possible[admissible] = _minors_positive(gain, candidates[admissible])
+    verdicts = _verdicts(gain, candidates, distances, possible) if stable else {}
+    sound = possible.copy()
+    sound[[index for index, each in verdicts.items() if each is Verdict.IMPOSSIBLE]] = False
+    order = np.lexsort((distances, ~admissible, ~sound))[:KEPT]
+    failed = Verdict.IMPOSSIBLE if stable else None
     pairings = tuple(
         _pairing(
             tuple(int(c) for c in candidates[index]),
             relative_gains[rows, candidates[index]],
             _index(float(signs[index]), log_size - log_products[index]),
             float(distances[index]),
+            verdicts.get(int(index), None if sound[index] else failed),
         )
         for index in order
     )
     return PairingRanking(pairings, len(candidates), exhaustive)
 
 
-def rank_parallel_pairings(matrix: ParallelMatrix) -> PairingRanking:
+def rank_parallel_pairings(matrix: ParallelMatrix, *, stable: bool = True) -> PairingRanking:
     """Rank the pairings of n > `EXHAUSTIVE_UP_TO` identical units.
 
     The distance is linear in the number of units that keep their own input, and the parity of
@@ -169,6 +198,10 @@ def rank_parallel_pairings(matrix: ParallelMatrix) -> PairingRanking:
     ----------
     matrix : ParallelMatrix
         Real and regular.
+    stable : bool
+        Whether the plant is stable. Then the patterns in which units leave their own input fail on
+        a sub-system: two units that leave without swapping are not told apart, and of two that stay
+        and two that swap the former need |a| < 1, the latter |a| > 1.
 
     """
     n = matrix.n
@@ -186,6 +219,13 @@ def rank_parallel_pairings(matrix: ParallelMatrix) -> PairingRanking:
     pairings = []
     for inputs, parity in candidates:
         kept = inputs == np.arange(n)
+        verdict = None
+        if stable:
+            verdict = (
+                parallel_integral_controllability(matrix).verdict
+                if kept.all()
+                else Verdict.IMPOSSIBLE
+            )
         gains = np.where(kept, own, other)
         relative_gains = np.where(kept, own_relative_gain, other_relative_gain)
         sign = float(np.real(determinant.phase)) * parity * float(np.prod(np.sign(gains)))
@@ -197,14 +237,19 @@ def rank_parallel_pairings(matrix: ParallelMatrix) -> PairingRanking:
                 relative_gains,
                 _index(float(np.sign(sign)), determinant.log_magnitude - log_product),
                 float(_distance(relative_gains).sum()),
+                verdict,
             )
         )
-    pairings.sort(key=lambda pairing: (not pairing.admissible, pairing.distance))
+    pairings.sort(key=lambda pairing: (not pairing.sound, not pairing.admissible, pairing.distance))
     return PairingRanking(tuple(pairings), len(pairings), exhaustive=False)
 
 
 def _pairing(
-    inputs: tuple[int, ...], relative_gains: NDArray[np.float64], index: float, distance: float
+    inputs: tuple[int, ...],
+    relative_gains: NDArray[np.float64],
+    index: float,
+    distance: float,
+    verdict: Verdict | None,
 ) -> Pairing:
     return Pairing(
         inputs=inputs,
@@ -213,7 +258,49 @@ def _pairing(
         admissible=bool(np.all(relative_gains > 0)) and index > 0,
         within_band=bool(np.all((relative_gains >= BAND[0]) & (relative_gains <= BAND[1]))),
         distance=distance,
+        integral_controllability=verdict,
     )
+
+
+def _verdicts(
+    gain: NDArray[np.float64],
+    candidates: NDArray[np.intp],
+    distances: NDArray[np.float64],
+    possible: NDArray[np.bool_],
+) -> dict[int, Verdict]:
+    """Test the possible candidates by rising distance, until `TESTED` have passed."""
+    verdicts: dict[int, Verdict] = {}
+    passed = 0
+    for index in np.flatnonzero(possible)[np.argsort(distances[possible], kind="stable")]:
+        verdict = integral_controllability(gain[:, candidates[index]]).verdict
+        verdicts[int(index)] = verdict
+        passed += verdict is not Verdict.IMPOSSIBLE
+        if passed == TESTED:
+            break
+    return verdicts
+
+
+def _minors_positive(gain: NDArray[np.float64], candidates: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Whether no principal minor of the paired gain, its diagonal made positive, is negative.
+
+    (m,) for m candidates, all at once: a quotient of two such minors is a relative gain of a
+    sub-system, so a negative one excludes the pairing.
+    """
+    n = len(gain)
+    scaled = equilibrate(gain)
+    alive = np.arange(len(candidates))
+    for size in range(2, n + 1):
+        for subset in itertools.combinations(range(n), size):
+            if not alive.size:
+                break
+            rows = np.array(subset)
+            chosen = candidates[alive][:, rows]
+            part = scaled[rows[None, :, None], chosen[:, None, :]]
+            turned = part * np.sign(np.diagonal(part, axis1=1, axis2=2))[:, None, :]
+            alive = alive[np.linalg.slogdet(turned).sign >= 0]
+    result = np.zeros(len(candidates), dtype=bool)
+    result[alive] = True
+    return result
 
 
 def _index(sign: float, log_size: float) -> float:
