@@ -16,7 +16,9 @@ from typing import TYPE_CHECKING, Any
 from solver.certificate.enclosures import Interval
 from solver.certificate.reduction import scale_count
 from solver.model.errors import InvalidInputError
+from solver.model.given import require_loops, require_weights
 from solver.model.plants import ParallelPlant
+from solver.model.validation import instance, instances, real, reals, settle
 
 if TYPE_CHECKING:
     from solver.model.controllers import Controller
@@ -48,6 +50,7 @@ class ProvenInterval:
     scales: tuple[float, ...]
 
     def __post_init__(self) -> None:
+        settle(self, scales=reals(self.scales, "/scales"))
         for index, scale in enumerate(self.scales):
             if not 0 < scale < math.inf:
                 message = "a D-scale is a positive number"
@@ -74,9 +77,8 @@ class Claim:
     gamma: float
 
     def __post_init__(self) -> None:
-        if len(self.loops) != self.plant.n:
-            message = f"{len(self.loops)} loops for a plant of {self.plant.n} units"
-            raise InvalidInputError(message, "/loops")
+        settle(self, loops=require_loops(self.plant, self.loops), gamma=real(self.gamma, "/gamma"))
+        require_weights(self.uncertainty, self.performance)
         if not 0 < self.gamma < math.inf:
             message = "the level is a positive number"
             raise InvalidInputError(message, "/gamma")
@@ -99,6 +101,8 @@ class Certificate:
     intervals: tuple[ProvenInterval, ...]
 
     def __post_init__(self) -> None:
+        instance(self.claim, Claim, "/claim")
+        settle(self, intervals=instances(self.intervals, ProvenInterval, "/intervals"))
         self._check_coverage()
         claim = self.claim
         count = scale_count(claim.plant, claim.loops, claim.uncertainty.structure)

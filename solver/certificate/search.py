@@ -11,7 +11,6 @@ from enum import StrEnum
 from typing import TYPE_CHECKING
 
 import numpy as np
-from flint import ctx
 
 from solver.certificate.enclosed_loop import Loop
 from solver.certificate.enclosures import Interval
@@ -20,6 +19,7 @@ from solver.certificate.record import Certificate, Claim, ProvenInterval
 from solver.certificate.reduction import MAX_SETTINGS, settings_of
 from solver.certificate.taylor_models import PRECISION
 from solver.model.blocks import group_loops
+from solver.model.precision import working_precision
 from solver.mu.kernel import FINE
 from solver.mu.scaling import sweep
 
@@ -99,7 +99,7 @@ def certify(
         return CertificateFailure(Obstacle.TOO_LARGE)
     if any(loop.integral_time is None for loop in claim.loops):
         return CertificateFailure(Obstacle.PROPORTIONAL)
-    with ctx.workprec(PRECISION):
+    with working_precision(PRECISION):
         search = _Search(claim, interrupt)
         try:
             search.cover_all_frequencies()

@@ -17,7 +17,9 @@ import math
 from functools import cache
 from typing import TYPE_CHECKING
 
-from flint import acb, acb_mat, acb_poly, acb_series, arb, ctx, fmpq, fmpq_mat, fmpq_poly
+from flint import acb, acb_mat, acb_poly, acb_series, arb, fmpq, fmpq_mat, fmpq_poly
+
+from solver.model.precision import working_precision
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -164,5 +166,5 @@ def _bernstein_of_powers() -> acb_mat:
                 for k in range(DEGREE)
             ]
         )
-    with ctx.workprec(PRECISION):
+    with working_precision(PRECISION):
         return acb_mat(fmpq_mat(rows))

@@ -11,14 +11,13 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
-from flint import ctx
-
 from solver.certificate.enclosed_loop import Loop
 from solver.certificate.enclosures import Interval
 from solver.certificate.proof import Gap, examine, unstable_poles
 from solver.certificate.reading import read_certificate
 from solver.certificate.taylor_models import PRECISION
 from solver.model.errors import InvalidInputError
+from solver.model.precision import working_precision
 
 if TYPE_CHECKING:
     from solver.certificate.record import Certificate
@@ -91,7 +90,7 @@ def check(certificate: Certificate) -> Verification:
     loop = Loop.of(certificate.claim)
     gamma, count = certificate.claim.gamma, len(certificate.intervals)
     turns = []
-    with ctx.workprec(PRECISION):
+    with working_precision(PRECISION):
         for index, proven in enumerate(certificate.intervals):
             found = examine(loop, proven.interval, proven.scales)
             if isinstance(found, Gap):

@@ -42,12 +42,11 @@ from solver.interaction.relative_gain import (
 )
 from solver.interaction.zeros import TransmissionZeros, ZeroMethod, transmission_zeros
 from solver.model.frequencies import corners_of
-from solver.model.plants import MAX_MATRIX_SIZE, ParallelPlant
+from solver.model.plants import MAX_MATRIX_SIZE, ParallelPlant, Plant
+from solver.model.validation import MAX_FREQUENCIES, frequencies, instance
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from solver.model.plants import Plant
+    from numpy.typing import ArrayLike, NDArray
 
 __all__ = ["DENSE_UP_TO", "Interaction", "RelativeGainCurves", "analyse_interaction"]
 
@@ -136,7 +135,7 @@ class Interaction:
     warnings: tuple[str, ...] = field(default=())
 
 
-def analyse_interaction(plant: Plant, omega: NDArray[np.float64] | None = None) -> Interaction:
+def analyse_interaction(plant: Plant, omega: ArrayLike | None = None) -> Interaction:
     """Analyse the interaction between the loops of a plant, loop r from input r to output r.
 
     Parameters
@@ -144,12 +143,20 @@ def analyse_interaction(plant: Plant, omega: NDArray[np.float64] | None = None) 
     plant : Plant
         Any plant.
     omega : (k,) or None
-        Frequencies of the curves, rad per time unit; None: chosen from the plant.
+        Frequencies of the curves, rad per time unit, > 0, in any order, which the curves keep;
+        None: chosen from the plant.
+
+    Raises
+    ------
+    InvalidInputError
+        No plant; frequencies that are not finite and positive.
 
     """
+    instance(plant, Plant, "/plant")
     if omega is None:
         bends = corners_of(set(plant.elements))
         omega = np.geomspace(bends[0] / 10, bends[-1] * 10, _POINTS)
+    omega = frequencies(omega, most=MAX_FREQUENCIES)
     if isinstance(plant, ParallelPlant) and plant.n > DENSE_UP_TO:
         return _analyse_many_units(plant, omega)
     low = low_frequency_gain(plant)

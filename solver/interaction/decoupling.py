@@ -21,13 +21,12 @@ from solver.interaction.sampling import dense_frequencies
 from solver.interaction.weighted_sum import WeightedSum
 from solver.model.errors import InvalidInputError, UnsupportedPlantError
 from solver.model.frequencies import corners_of
-from solver.model.plants import MAX_MATRIX_SIZE, ParallelPlant
+from solver.model.plants import MAX_MATRIX_SIZE, ParallelPlant, Plant
+from solver.model.validation import MAX_FREQUENCIES, frequencies, instance, real, reals, settle
 from solver.stability.singular import is_singular
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
-
-    from solver.model.plants import Plant
 
 __all__ = ["ClosedLoop", "Decoupling", "DecouplingSpecification", "decouple"]
 
@@ -50,7 +49,8 @@ class DecouplingSpecification:
     set_point_weights : tuple of float or None
         b, one a loop, 0 to 1; None: zero, which disturbs the other loops least.
     omega : (k,) or None
-        Frequencies of the curves, rad per time unit, ascending; None: chosen from the plant.
+        Frequencies of the curves, rad per time unit, > 0, in any order, which the curves keep;
+        None: chosen from the plant.
 
     """
 
@@ -61,6 +61,32 @@ class DecouplingSpecification:
     omega: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
+        self._settle()
+        self._check_plant()
+        if self.max_index is not None and not 0 < self.max_index <= 1e6:
+            message = "the interaction index must be positive and at most 1e6"
+            raise InvalidInputError(message, "/max_index")
+        weights = self.weights
+        if len(weights) != self.plant.n:
+            message = f"{len(weights)} set-point weights for {self.plant.n} loops"
+            raise InvalidInputError(message, "/set_point_weights")
+        for index, weight in enumerate(weights):
+            if not 0 <= weight <= 1:
+                message = "a set-point weight lies in 0..1"
+                raise InvalidInputError(message, f"/set_point_weights/{index}")
+
+    def _settle(self) -> None:
+        instance(self.plant, Plant, "/plant")
+        instance(self.limits, RobustnessLimits, "/limits")
+        if self.max_index is not None:
+            settle(self, max_index=real(self.max_index, "/max_index"))
+        if self.set_point_weights is not None:
+            weights = reals(self.set_point_weights, "/set_point_weights")
+            settle(self, set_point_weights=weights)
+        if self.omega is not None:
+            settle(self, omega=frequencies(self.omega, most=MAX_FREQUENCIES))
+
+    def _check_plant(self) -> None:
         n = self.plant.n
         if n > MAX_MATRIX_SIZE:
             message = f"decoupling is for at most {MAX_MATRIX_SIZE} loops"
@@ -71,17 +97,6 @@ class DecouplingSpecification:
         if is_singular(self.plant.static_gain()):
             message = "the static gain is singular: it has no inverse to decouple with"
             raise InvalidInputError(message, "/plant")
-        if self.max_index is not None and not 0 < self.max_index <= 1e6:
-            message = "the interaction index must be positive and at most 1e6"
-            raise InvalidInputError(message, "/max_index")
-        weights = self.weights
-        if len(weights) != n:
-            message = f"{len(weights)} set-point weights for {n} loops"
-            raise InvalidInputError(message, "/set_point_weights")
-        for index, weight in enumerate(weights):
-            if not 0 <= weight <= 1:
-                message = "a set-point weight lies in 0..1"
-                raise InvalidInputError(message, f"/set_point_weights/{index}")
 
     @property
     def weights(self) -> tuple[float, ...]:
@@ -170,6 +185,7 @@ def decouple(specification: DecouplingSpecification) -> Decoupling:
         closed loop; give `max_index`, or a model that holds what limits the loop.
 
     """
+    instance(specification, DecouplingSpecification, "")
     plant = specification.plant
     D = np.asarray(np.linalg.inv(plant.static_gain()), dtype=np.float64)
     kappa = _first_coefficients(plant, D)

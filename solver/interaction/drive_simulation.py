@@ -9,19 +9,20 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import expm
 
-from solver.interaction.parallel_drives import mended_model, original_model
+from solver.interaction.parallel_drives import ParallelDrives, mended_model, original_model
 from solver.model.errors import InvalidInputError
+from solver.model.validation import instance, integer, real, settle
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from solver.interaction.parallel_drives import DriveModel, ParallelDrives
+    from solver.interaction.parallel_drives import DriveModel
 
 __all__ = [
     "MAX_POINTS",
@@ -59,6 +60,7 @@ class DriveScenario:
 
     """
 
+    _: KW_ONLY
     set_point: float = 1.0
     load: float = 1.0
     load_time: float = 10.0
@@ -70,12 +72,18 @@ class DriveScenario:
     points: int = 401
 
     def __post_init__(self) -> None:
-        for name in ("set_point", "load", "pulse"):
+        heights = ("set_point", "load", "pulse")
+        names = ("load_time", "pulse_time", "pulse_duration", "end")
+        for name in (*heights, *names):
+            settle(self, **{name: real(getattr(self, name), f"/{name}")})
+        settle(self, points=integer(self.points, "/points"))
+        if self.pulse_unit is not None:
+            settle(self, pulse_unit=integer(self.pulse_unit, "/pulse_unit"))
+        for name in heights:
             if not abs(getattr(self, name)) <= 1e6:
                 message = "must be finite and at most 1e6 in magnitude"
                 raise InvalidInputError(message, f"/{name}")
         times = (0.0, self.load_time, self.pulse_time, self.pulse_time + self.pulse_duration)
-        names = ("load_time", "pulse_time", "pulse_duration", "end")
         for before, after, name in zip(times, (*times[1:], self.end), names, strict=True):
             if not before < after <= 1e9:
                 message = "the events must follow each other: 0, load, pulse, its end, end"
@@ -93,6 +101,8 @@ class DriveExperiment:
     scenario: DriveScenario = DriveScenario()
 
     def __post_init__(self) -> None:
+        instance(self.system, ParallelDrives, "/system")
+        instance(self.scenario, DriveScenario, "/scenario")
         if not 0 <= self.pulse_unit < len(self.system.drives):
             message = f"the units are 0 to {len(self.system.drives) - 1}"
             raise InvalidInputError(message, "/scenario/pulse_unit")
@@ -154,6 +164,7 @@ def simulate_drives(experiment: DriveExperiment) -> DriveSimulation:
         Units, load and events.
 
     """
+    instance(experiment, DriveExperiment, "")
     system = experiment.system
     mended = None
     if system.integrating:

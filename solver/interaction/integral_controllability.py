@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from solver.model.validation import square_matrix
 from solver.stability.singular import is_singular
 
 if TYPE_CHECKING:
@@ -90,6 +91,7 @@ def integral_controllability(gain: NDArray[np.float64]) -> IntegralControllabili
         Static gain of a stable plant, finite.
 
     """
+    gain = square_matrix(gain)
     n = len(gain)
     diagonal = np.diag(gain)
     if np.any(diagonal == 0):

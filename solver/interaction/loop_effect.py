@@ -23,15 +23,15 @@ from solver.interaction.rational_matrix import (
     roots_of,
     to_float,
 )
-from solver.model.controllers import DERIVATIVE_FILTER
+from solver.model.controllers import DERIVATIVE_FILTER, Controller
 from solver.model.errors import InvalidInputError, UnsupportedPlantError
+from solver.model.plants import Plant
 from solver.model.transfer_function import LARGEST, refuse_vanishing
+from solver.model.validation import instance, integer, reals, settle, square_matrix
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from solver.model.controllers import Controller
-    from solver.model.plants import Plant
     from solver.model.transfer_function import TransferFunction
 
 __all__ = [
@@ -118,6 +118,7 @@ def static_effects(gain: NDArray[np.float64]) -> tuple[StaticEffect, ...]:
         P(0), finite.
 
     """
+    gain = square_matrix(gain)
     effects = []
     for loop, other in itertools.permutations(range(len(gain)), 2):
         own, far = float(gain[loop, loop]), float(gain[other, other])
@@ -156,6 +157,15 @@ class LoopEffectQuery:
     controller: Controller | None = None
 
     def __post_init__(self) -> None:
+        instance(self.plant, Plant, "/plant")
+        if self.controller is not None:
+            instance(self.controller, Controller, "/controller")
+        settle(
+            self,
+            loop=integer(self.loop, "/loop"),
+            other=integer(self.other, "/other"),
+            gains=reals(self.gains, "/gains"),
+        )
         for name, index in (("loop", self.loop), ("other", self.other)):
             if not 0 <= index < self.plant.n:
                 message = f"the plant has the loops 0 to {self.plant.n - 1}"
@@ -195,6 +205,7 @@ def loop_effect(query: LoopEffectQuery) -> LoopEffect:
         The plant, the two loops and the gains.
 
     """
+    instance(query, LoopEffectQuery, "")
     loop, other, gains = query.loop, query.other, query.gains
     elements = query.elements
     p = {key: Rational.from_transfer_function(element) for key, element in elements.items()}

@@ -16,6 +16,7 @@ import numpy as np
 from solver.interaction.sampling import local_minima, refine_minima, sample, turns
 from solver.model.errors import InvalidInputError
 from solver.model.peaks import Peak
+from solver.model.validation import real, settle
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -39,6 +40,7 @@ class RobustnessLimits:
 
     def __post_init__(self) -> None:
         for name in ("max_sensitivity", "max_complementary"):
+            settle(self, **{name: real(getattr(self, name), f"/{name}")})
             if not 1 < getattr(self, name) <= 1e3:
                 message = "a permitted peak lies above 1 and at most at 1000"
                 raise InvalidInputError(message, f"/{name}")

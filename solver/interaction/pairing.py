@@ -22,6 +22,7 @@ from solver.interaction.integral_controllability import (
     parallel_integral_controllability,
 )
 from solver.interaction.relative_gain import relative_gain_array
+from solver.model.validation import square_matrix
 from solver.stability.singular import equilibrate
 
 if TYPE_CHECKING:
@@ -120,6 +121,7 @@ def niederlinski_index(gain: NDArray[np.float64]) -> float:
         Static gain with the columns in the order of the pairing.
 
     """
+    gain = square_matrix(gain)
     diagonal = np.diag(gain)
     sign, log_size = np.linalg.slogdet(gain)  # the products alone may overflow
     with np.errstate(divide="ignore"):
@@ -148,6 +150,7 @@ def rank_pairings(gain: NDArray[np.float64], *, stable: bool = True) -> PairingR
         As `relative_gain_array`.
 
     """
+    gain = square_matrix(gain)
     relative_gains = relative_gain_array(gain)
     n = len(gain)
     cost = _distance(relative_gains)

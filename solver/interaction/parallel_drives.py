@@ -17,13 +17,13 @@ import numpy as np
 from scipy.linalg import null_space
 
 from solver.model.errors import InvalidInputError, UnsupportedPlantError
+from solver.model.transfer_function import TransferFunction
+from solver.model.validation import instance, instances, real, reals, settle
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
-
-    from solver.model.transfer_function import TransferFunction
 
 __all__ = [
     "Drive",
@@ -50,6 +50,7 @@ class Drive:
 
     def __post_init__(self) -> None:
         for name in ("proportional_gain", "integral_gain"):
+            settle(self, **{name: real(getattr(self, name), f"/{name}")})
             if not 0 <= getattr(self, name) <= 1e12:
                 message = "a gain must not be negative and at most 1e12"
                 raise InvalidInputError(message, f"/{name}")
@@ -82,8 +83,8 @@ class ParallelDrives:
         drives: Sequence[Drive],
         shares: Sequence[float] | None = None,
     ) -> None:
-        object.__setattr__(self, "load", load)
-        object.__setattr__(self, "drives", tuple(drives))
+        instance(load, TransferFunction, "/load")
+        settle(self, load=load, drives=instances(drives, Drive, "/drives"))
         if load.is_zero or load.relative_degree < 1:
             message = "the load must be strictly proper and not zero"
             raise InvalidInputError(message, "/load/num")
@@ -96,7 +97,7 @@ class ParallelDrives:
         if not any(drive.proportional_gain or drive.integral_gain for drive in self.drives):
             message = "no unit has any gain"
             raise InvalidInputError(message, "/drives")
-        object.__setattr__(self, "shares", self._shares(shares))
+        settle(self, shares=self._shares(shares))
 
     def _shares(self, shares: Sequence[float] | None) -> tuple[float, ...]:
         if shares is None:
@@ -104,6 +105,7 @@ class ParallelDrives:
             if not any(gains):
                 gains = [drive.integral_gain for drive in self.drives]
             return tuple(gain / sum(gains) for gain in gains)
+        shares = reals(shares, "/shares")
         if len(shares) != len(self.drives):
             message = f"{len(shares)} shares for {len(self.drives)} units"
             raise InvalidInputError(message, "/shares")
@@ -114,7 +116,7 @@ class ParallelDrives:
         if not math.isclose(sum(shares), 1, abs_tol=1e-9):
             message = f"the shares sum to {sum(shares):.6g}, not to 1"
             raise InvalidInputError(message, "/shares")
-        return tuple(shares)
+        return shares
 
     @property
     def integrating(self) -> tuple[int, ...]:
@@ -213,6 +215,7 @@ def analyse_drives(system: ParallelDrives) -> DriveAnalysis:
         Units and load.
 
     """
+    instance(system, ParallelDrives, "")
     model = original_model(system)
     uncontrollable, unobservable = model.hidden_modes()
     # The free modes are the poles nearest to the origin.

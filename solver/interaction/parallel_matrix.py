@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.model.errors import InvalidInputError
+from solver.model.validation import integer, settle
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -54,6 +55,7 @@ class ParallelMatrix:
     other: complex
 
     def __post_init__(self) -> None:
+        settle(self, n=integer(self.n, "/n"))
         if self.n < 1:
             message = "the size must be at least 1"
             raise InvalidInputError(message, "/n")

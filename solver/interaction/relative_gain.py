@@ -15,6 +15,7 @@ from scipy.optimize import linear_sum_assignment
 
 from solver.interaction.parallel_matrix import ParallelMatrix
 from solver.model.errors import InvalidInputError
+from solver.model.validation import square_matrix
 from solver.stability.singular import SINGULAR_CONDITION, equilibrate, has_empty_line, is_singular
 
 if TYPE_CHECKING:
@@ -92,14 +93,7 @@ def relative_gain_array(gain: ArrayLike) -> NDArray[np.float64]:
            [ 2., -1.]])
 
     """
-    P = np.asarray(gain, dtype=float)
-    if P.ndim != 2 or P.shape[0] != P.shape[1] or not P.size:
-        shape = " x ".join(map(str, P.shape))
-        message = f"the relative gain array needs a square matrix, this one is {shape}"
-        raise InvalidInputError(message)
-    if not np.all(np.isfinite(P)):
-        message = "the gain holds numbers that are not finite"
-        raise InvalidInputError(message)
+    P = square_matrix(gain)
     if is_singular(P):
         message = "the gain is singular: its relative gain array does not exist"
         raise InvalidInputError(message)

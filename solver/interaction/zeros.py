@@ -18,11 +18,11 @@ import numpy as np
 
 from solver.interaction.dead_time_zeros import SumMatrix, right_half_plane_zeros, search_radius
 from solver.interaction.rational_matrix import Rational, common_degree, transmission_zeros_of
-from solver.model.plants import ParallelPlant
+from solver.model.plants import ParallelPlant, Plant
+from solver.model.validation import instance
 
 if TYPE_CHECKING:
     from solver.interaction.rational_matrix import Root
-    from solver.model.plants import Plant
     from solver.model.transfer_function import TransferFunction
 
 __all__ = [
@@ -141,6 +141,7 @@ def transmission_zeros(plant: Plant) -> TransmissionZeros:
         Any plant.
 
     """
+    instance(plant, Plant, "/plant")
     if not isinstance(plant, ParallelPlant):
         rows: SumMatrix = [[(plant.element(r, c),) for c in range(plant.n)] for r in range(plant.n)]
         return _zeros_of_sums(rows, (1,), 1, Direction.PLANT)

@@ -18,6 +18,7 @@ import numpy as np
 
 from solver.model.errors import InvalidInputError
 from solver.model.transfer_function import LARGEST
+from solver.model.validation import frequencies, instance, settle_reals
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -39,6 +40,10 @@ class IdealForm:
     derivative_time: float = 0.0
     filter_time: float = 0.0
 
+    def __post_init__(self) -> None:
+        settle_reals(self, "gain", "derivative_time", "filter_time", optional=("integral_time",))
+        _require_finite(self, "gain", "integral_time", "derivative_time", "filter_time")
+
 
 @dataclass(frozen=True)
 class ParallelForm:
@@ -48,6 +53,11 @@ class ParallelForm:
     integral_gain: float
     derivative_gain: float = 0.0
     filter_time: float = 0.0
+
+    def __post_init__(self) -> None:
+        names = ("proportional_gain", "integral_gain", "derivative_gain", "filter_time")
+        settle_reals(self, *names)
+        _require_finite(self, *names)
 
 
 @dataclass(frozen=True)
@@ -73,10 +83,12 @@ class Controller:
     filter_time: float | None = None
 
     def __post_init__(self) -> None:
+        times = ("integral_time", "derivative_time", "filter_time")
+        settle_reals(self, "gain", optional=times)
         if not 0 < abs(self.gain) <= LARGEST:
             message = f"the gain must be finite, not zero and at most {LARGEST:g} in magnitude"
             raise InvalidInputError(message, "/gain")
-        for name in ("integral_time", "derivative_time", "filter_time"):
+        for name in times:
             value = getattr(self, name)
             if value is not None and not 0 < value <= LARGEST:
                 words = name.replace("_", " ")
@@ -104,7 +116,7 @@ class Controller:
 
     def response(self, omega: ArrayLike) -> NDArray[np.complex128]:
         """Frequency response at `omega` > 0 (rad per time unit), (k,) complex."""
-        return np.atleast_1d(self(1j * np.asarray(omega, dtype=float)))
+        return np.atleast_1d(self(1j * frequencies(omega)))
 
     def to_ideal(self) -> IdealForm:
         """Return the ideal form of the same controller.
@@ -168,6 +180,7 @@ class Controller:
             No cascade form exists: the derivative time is too long for the integral time.
 
         """
+        instance(ideal, IdealForm, "")
         if ideal.integral_time is not None and not ideal.integral_time > 0:
             message = "the integral time must be positive"
             raise InvalidInputError(message, "/integral_time")
@@ -226,6 +239,7 @@ class Controller:
             No proportional gain, gains of different sign, or as `from_ideal`.
 
         """
+        instance(parallel, ParallelForm, "")
         if parallel.proportional_gain == 0:
             message = "no cascade form: the proportional gain must not be zero"
             raise InvalidInputError(message, "/proportional_gain")
@@ -248,3 +262,11 @@ def _own_filter(derivative_time: float, filter_time: float) -> float | None:
     # A filter written with 6 digits is the default.
     own = math.isclose(filter_time, DERIVATIVE_FILTER * derivative_time, rel_tol=1e-6)
     return None if own else filter_time
+
+
+def _require_finite(form: IdealForm | ParallelForm, *names: str) -> None:
+    for name in names:
+        value = getattr(form, name)
+        if value is not None and not math.isfinite(value):
+            message = "must be finite"
+            raise InvalidInputError(message, f"/{name}")

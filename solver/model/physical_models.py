@@ -10,8 +10,9 @@ import math
 from dataclasses import dataclass
 
 from solver.model.errors import InvalidInputError
-from solver.model.plants import MatrixPlant, ParallelPlant, first_order
+from solver.model.plants import MAX_UNITS, MatrixPlant, ParallelPlant, first_order
 from solver.model.transfer_function import TransferFunction
+from solver.model.validation import integer, real, settle
 
 __all__ = ["Blender", "CooledReactors", "StreamSplit"]
 
@@ -63,6 +64,7 @@ class StreamSplit:
     dead_time: float = 0.0
 
     def __post_init__(self) -> None:
+        settle(self, n=_units(self.n))
         _check(self, positive=("flow", "opening", "pressure_drop"))
         _check(self, not_negative=("supply_resistance", "header_time", "valve_time", "dead_time"))
 
@@ -161,6 +163,7 @@ class CooledReactors:
     coupling: float = 0.0
 
     def __post_init__(self) -> None:
+        settle(self, n=_units(self.n))
         _check(
             self,
             positive=(
@@ -238,6 +241,7 @@ class Blender:
         _check(self, positive=("first_flow", "second_flow"))
         _check(self, not_negative=("flow_time", "analyser_time", "analyser_dead_time"))
         for name in ("first_fraction", "second_fraction"):
+            settle(self, **{name: real(getattr(self, name), f"/{name}")})
             if not 0 <= getattr(self, name) <= 1:
                 message = "a mass fraction lies in 0..1"
                 raise InvalidInputError(message, f"/{name}")
@@ -282,13 +286,22 @@ def _product(first: list[float], second: list[float]) -> list[float]:
     return result
 
 
+def _units(n: int) -> int:
+    count = integer(n, "/n")
+    if not 1 <= count <= MAX_UNITS:
+        message = f"the number of units must lie in 1..{MAX_UNITS}"
+        raise InvalidInputError(message, "/n")
+    return count
+
+
 def _check(
     model: StreamSplit | CooledReactors | Blender,
     positive: tuple[str, ...] = (),
     not_negative: tuple[str, ...] = (),
 ) -> None:
     for name in (*positive, *not_negative):
-        value = getattr(model, name)
+        value = real(getattr(model, name), f"/{name}")
+        settle(model, **{name: value})
         if not (value > 0 if name in positive else value >= 0) or not value <= 1e12:
             bound = "positive" if name in positive else "zero or positive"
             message = f"must be {bound} and at most 1e12"

@@ -14,6 +14,15 @@ import numpy as np
 
 from solver.model.errors import InvalidInputError
 from solver.model.transfer_function import LARGEST, TransferFunction, refuse_vanishing
+from solver.model.validation import (
+    frequencies,
+    instance,
+    instances,
+    integer,
+    items,
+    real,
+    settle,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -46,6 +55,9 @@ class ParallelPlant:
     interaction: TransferFunction
 
     def __post_init__(self) -> None:
+        settle(self, n=integer(self.n, "/n"))
+        instance(self.process, TransferFunction, "/process")
+        instance(self.interaction, TransferFunction, "/interaction")
         if not 1 <= self.n <= MAX_UNITS:
             message = f"the number of units must lie in 1..{MAX_UNITS}"
             raise InvalidInputError(message, "/n")
@@ -63,7 +75,7 @@ class ParallelPlant:
         return self.process if row == column else self.interaction
 
     def response(self, omega: ArrayLike) -> NDArray[np.complex128]:
-        """Frequency response at `omega` (k,), as (k, n, n) complex."""
+        """Frequency response at `omega` (k,) > 0, as (k, n, n) complex, in its order."""
         return _response(self, omega)
 
     def static_gain(self) -> NDArray[np.float64]:
@@ -85,8 +97,11 @@ class MatrixPlant:
     elements_by_row: tuple[tuple[TransferFunction, ...], ...]
 
     def __init__(self, elements_by_row: Sequence[Sequence[TransferFunction]]) -> None:
-        rows = tuple(tuple(row) for row in elements_by_row)
-        object.__setattr__(self, "elements_by_row", rows)
+        rows = tuple(
+            instances(row, TransferFunction, f"/elements/{index}")
+            for index, row in enumerate(items(elements_by_row, "/elements"))
+        )
+        settle(self, elements_by_row=rows)
         if not 1 <= len(rows) <= MAX_MATRIX_SIZE:
             message = f"a matrix plant has 1..{MAX_MATRIX_SIZE} rows"
             raise InvalidInputError(message, "/elements")
@@ -110,7 +125,7 @@ class MatrixPlant:
         return self.elements_by_row[row][column]
 
     def response(self, omega: ArrayLike) -> NDArray[np.complex128]:
-        """Frequency response at `omega` (k,), as (k, n, n) complex."""
+        """Frequency response at `omega` (k,) > 0, as (k, n, n) complex, in its order."""
         return _response(self, omega)
 
     def static_gain(self) -> NDArray[np.float64]:
@@ -140,6 +155,8 @@ def first_order(
         Dead time >= 0 in every element.
 
     """
+    gain, interaction = real(gain, "/gain"), real(interaction, "/interaction")
+    time_constant, dead_time = real(time_constant, "/time_constant"), real(dead_time, "/dead_time")
     for name, value in (("gain", gain), ("interaction", interaction)):
         if not (math.isfinite(value) and abs(value) <= LARGEST):
             message = f"must be finite and at most {LARGEST:g} in magnitude"
@@ -169,9 +186,9 @@ def first_order(
 
 
 def _response(plant: Plant, omega: ArrayLike) -> NDArray[np.complex128]:
-    frequencies = np.atleast_1d(np.asarray(omega, dtype=float))
-    values = {element: element.response(frequencies) for element in set(plant.elements)}
-    G = np.empty((frequencies.size, plant.n, plant.n), dtype=complex)
+    at = frequencies(omega)
+    values = {element: element.response(at) for element in set(plant.elements)}
+    G = np.empty((at.size, plant.n, plant.n), dtype=complex)
     for row in range(plant.n):
         for column in range(plant.n):
             G[:, row, column] = values[plant.element(row, column)]

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.model.errors import InvalidInputError
+from solver.model.validation import frequencies, read_only, real, reals, settle
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -61,9 +62,12 @@ class TransferFunction:
     dead_time: float = 0.0
 
     def __init__(self, num: Sequence[float], den: Sequence[float], dead_time: float = 0.0) -> None:
-        object.__setattr__(self, "num", _polynomial(num, "/num"))
-        object.__setattr__(self, "den", _polynomial(den, "/den"))
-        object.__setattr__(self, "dead_time", float(dead_time))
+        settle(
+            self,
+            num=_polynomial(num, "/num"),
+            den=_polynomial(den, "/den"),
+            dead_time=real(dead_time, "/dead_time"),
+        )
         if self.den[0] == 0:
             message = "the denominator is zero"
             raise InvalidInputError(message, "/den")
@@ -89,13 +93,13 @@ class TransferFunction:
 
     @cached_property
     def poles(self) -> NDArray[np.complex128]:
-        """Roots of the denominator, (order,) complex."""
-        return np.roots(self.den).astype(complex)
+        """Roots of the denominator, (order,) complex, read-only."""
+        return read_only(np.roots(self.den).astype(complex))
 
     @cached_property
     def zeros(self) -> NDArray[np.complex128]:
-        """Roots of the numerator, complex."""
-        return np.roots(self.num).astype(complex)
+        """Roots of the numerator, (order,) complex, read-only."""
+        return read_only(np.roots(self.num).astype(complex))
 
     @cached_property
     def integrators(self) -> int:
@@ -138,8 +142,16 @@ class TransferFunction:
         return math.pow(10, LARGEST_POWER / max(len(self.den) - 1, 1))
 
     def response(self, omega: ArrayLike) -> NDArray[np.complex128]:
-        """Frequency response at `omega` (rad per time unit), (k,) complex."""
-        return np.atleast_1d(self(1j * np.asarray(omega, dtype=float)))
+        """Frequency response at `omega` > 0 (rad per time unit), (k,) complex, in its order.
+
+        Raises
+        ------
+        InvalidInputError
+            Frequencies that are not finite and positive, or more than one axis of them. The
+            function itself may be called at any complex point, s = 0 included.
+
+        """
+        return np.atleast_1d(self(1j * frequencies(omega)))
 
     def derivative_at_zero(self) -> float:
         """First Taylor coefficient at s = 0, dead time exact.
@@ -188,7 +200,7 @@ def refuse_vanishing(value: float, field: str) -> None:
 
 
 def _polynomial(coefficients: Sequence[float], field: str) -> tuple[float, ...]:
-    values = tuple(float(c) for c in coefficients)
+    values = reals(coefficients, field)
     if not values:
         message = "a polynomial needs at least one coefficient"
         raise InvalidInputError(message, field)

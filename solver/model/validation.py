@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 __all__ = [
+    "MAX_FREQUENCIES",
     "choice",
     "flag",
     "frequencies",
@@ -36,7 +37,11 @@ __all__ = [
     "real_array",
     "reals",
     "settle",
+    "settle_reals",
+    "square_matrix",
 ]
+
+MAX_FREQUENCIES = 10_000  # that a caller may choose for the curves of an analysis
 
 _Member = TypeVar("_Member", bound=Enum)
 _Kind = TypeVar("_Kind")
@@ -145,8 +150,8 @@ def instance(value: object, kind: type[_Kind] | UnionType, field: str) -> None:
         raise InvalidInputError(message, field)
 
 
-def instances(values: object, kind: type[_Kind], field: str) -> tuple[_Kind, ...]:
-    """Return a sequence of objects of the type `kind`."""
+def instances(values: object, kind: type[_Kind] | UnionType, field: str) -> tuple[_Kind, ...]:
+    """Return a sequence of objects of the type `kind`, which may be a union."""
     found = items(values, field)
     for index, value in enumerate(found):
         instance(value, kind, f"{field}/{index}")
@@ -209,7 +214,7 @@ def frequencies(
     field : str
         JSON pointer of `omega`.
     most : int or None
-        Greatest permitted number of them; None: any.
+        Greatest permitted number of them, of which there must be one; None: any, none included.
 
     Returns
     -------
@@ -219,18 +224,36 @@ def frequencies(
     Raises
     ------
     InvalidInputError
-        None at all, more than `most`, one that is not finite and positive, more than one axis.
+        A number of them that is not permitted, one that is not finite and positive, more than one
+        axis.
 
     """
     given = omega if np.ndim(omega) else [omega]
     found = real_array(given, field, ndim=1)
-    if not 1 <= found.size <= (found.size if most is None else most):
-        message = "at least one frequency" if most is None else f"between 1 and {most} frequencies"
+    if most is not None and not 1 <= found.size <= most:
+        message = f"between 1 and {most} frequencies"
         raise InvalidInputError(message, field)
     fit = np.isfinite(found) & (found > 0)
     if not fit.all():
         message = "frequencies must be finite and positive"
         raise InvalidInputError(message, f"{field}/{int(np.argmin(fit))}")
+    return found
+
+
+def square_matrix(values: object, field: str = "") -> NDArray[np.float64]:
+    """Return a square matrix of finite real numbers, (n, n), n > 0, as `real_array` takes it."""
+    try:
+        found = real_array(values, field, ndim=2)
+    except InvalidInputError as error:
+        message = f"a square matrix is needed: {error.message}"
+        raise InvalidInputError(message, error.field) from None
+    if found.shape[0] != found.shape[1] or not found.size:
+        shape = " x ".join(map(str, found.shape))
+        message = f"a square matrix is needed, this one is {shape}"
+        raise InvalidInputError(message, field)
+    if not np.isfinite(found).all():
+        message = "the matrix holds numbers that are not finite"
+        raise InvalidInputError(message, field)
     return found
 
 
@@ -244,6 +267,14 @@ def settle(record: object, **values: object) -> None:
     """Put checked values into a frozen record, from its ``__post_init__`` only."""
     for name, value in values.items():
         object.__setattr__(record, name, value)
+
+
+def settle_reals(record: object, *names: str, optional: tuple[str, ...] = ()) -> None:
+    """Take fields of a frozen record as `real` takes them; those in `optional` may be None."""
+    for name in (*names, *optional):
+        value = getattr(record, name)
+        if value is not None or name in names:
+            settle(record, **{name: real(value, f"/{name}")})
 
 
 def _shown(value: object) -> str:

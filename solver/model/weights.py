@@ -9,12 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from solver.model.errors import InvalidInputError
 from solver.model.transfer_function import LARGEST, TransferFunction, refuse_vanishing
+from solver.model.validation import choice, instance, real, settle
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -38,7 +39,7 @@ class Uncertainty:
     weight : TransferFunction
         w_I(s), dimensionless; only its magnitude matters. Not zero, no pole on the imaginary
         axis or to its right.
-    structure : Structure
+    structure : Structure or str
         DIAGONAL: the actuators err independently. FULL: they may err in concert.
 
     """
@@ -47,6 +48,8 @@ class Uncertainty:
     structure: Structure = Structure.DIAGONAL
 
     def __post_init__(self) -> None:
+        instance(self.weight, TransferFunction, "/weight")
+        settle(self, structure=choice(Structure, self.structure, "/structure"))
         if self.weight.is_zero:
             message = "the uncertainty weight is zero"
             raise InvalidInputError(message, "/weight/num")
@@ -56,7 +59,10 @@ class Uncertainty:
 
     @classmethod
     def from_error(
-        cls, epsilon: float, theta: float, structure: Structure = Structure.DIAGONAL
+        cls,
+        epsilon: float,
+        theta: float,
+        structure: Structure | Literal["diagonal", "full"] = Structure.DIAGONAL,
     ) -> Uncertainty:
         """Return w_I = epsilon ((theta/epsilon) s + 1)/((theta/2) s + 1).
 
@@ -67,10 +73,12 @@ class Uncertainty:
         theta : float
             The error reaches 100 per cent near the frequency 1/theta; covers a neglected dead
             time theta. theta >= 0.
-        structure : Structure
+        structure : Structure or str
             As for the class.
 
         """
+        epsilon, theta = real(epsilon, "/epsilon"), real(theta, "/theta")
+        structure = choice(Structure, structure, "/structure")
         if not 0 < epsilon <= LARGEST:
             message = "epsilon must be positive"
             raise InvalidInputError(message, "/epsilon")
@@ -108,6 +116,13 @@ class Performance:
     tau_p: float | None = None
 
     def __post_init__(self) -> None:
+        settle(
+            self,
+            max_peak=real(self.max_peak, "/max_peak"),
+            offset=real(self.offset, "/offset"),
+        )
+        if self.tau_p is not None:
+            settle(self, tau_p=real(self.tau_p, "/tau_p"))
         if not 1 < self.max_peak <= LARGEST:
             message = "the permitted peak of the sensitivity must exceed 1"
             raise InvalidInputError(message, "/max_peak")

@@ -9,10 +9,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from flint import acb, acb_poly, ctx
+from flint import acb, acb_poly
 
 from solver.certificate.enclosures import exact
 from solver.model.plants import ParallelPlant
+from solver.model.precision import working_precision
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -24,7 +25,9 @@ if TYPE_CHECKING:
 __all__ = ["Samples", "samples"]
 
 ERROR = 1e-14  # largest relative error of a value; the margin of a cut is ten times that
-DIGITS = 60  # of the balls: no polynomial of the permitted order cancels so much
+PRECISION = (
+    203  # bits of the balls, 60 digits: no polynomial of the permitted order cancels so much
+)
 
 
 @dataclass(frozen=True)
@@ -73,8 +76,7 @@ def _right(function: TransferFunction, s: NDArray[np.complex128]) -> NDArray[np.
         return np.ones(s.shape, dtype=bool)
     values = np.asarray(function(s))
     right = np.zeros(s.shape, dtype=bool)
-    before, ctx.dps = ctx.dps, DIGITS
-    try:
+    with working_precision(PRECISION):
         num, den = (
             acb_poly([acb(exact(c)) for c in reversed(p)]) for p in (function.num, function.den)
         )
@@ -84,6 +86,4 @@ def _right(function: TransferFunction, s: NDArray[np.complex128]) -> NDArray[np.
             true = num(at) / den(at) * (delay * at).exp()
             computed = acb(exact(value.real), exact(value.imag))
             right[k] = bool(abs(computed - true) <= ERROR * abs(computed))
-    finally:
-        ctx.dps = before
     return right

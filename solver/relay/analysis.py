@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.model.plants import MAX_MATRIX_SIZE
+from solver.model.validation import instance
 from solver.relay.behaviour import Behaviour, Regime, behaviour, cycle_length, regimes
 from solver.relay.describing_function import (
     Harmonic,
@@ -150,6 +151,7 @@ def relay_experiment(experiment: RelayExperiment) -> RelayOutcome:
         As for `step_response`, or a process that reacts to the relay without any delay.
 
     """
+    instance(experiment, RelayExperiment, "")
     wired = wire(experiment)
     closed = wired.closed
     loop = RelayLoop(

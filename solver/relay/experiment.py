@@ -9,22 +9,23 @@ Relay Design Methods to a MIMO-System, TFRT-7506 (1993), whose relay this is, eq
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError
+from solver.model.plants import Plant
 from solver.model.transfer_function import LARGEST
+from solver.model.validation import instance, instances, integer, real, settle
 from solver.simulation.closed_loop import ClosedLoop, close
-from solver.simulation.experiment import MAX_SAMPLES, Step
+from solver.simulation.experiment import MAX_SAMPLES, Step, acts
+from solver.simulation.loops import Loop
 from solver.simulation.paths import Paths, alike
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
-
-    from solver.model.plants import Plant
-    from solver.simulation.loops import Loop
 
 __all__ = ["PlacedLoop", "Relay", "RelayExperiment", "RelayWiring", "wire"]
 
@@ -53,6 +54,13 @@ class Relay:
     sampling_period: float | None = None
 
     def __post_init__(self) -> None:
+        settle(
+            self,
+            amplitude=real(self.amplitude, "/amplitude"),
+            hysteresis=real(self.hysteresis, "/hysteresis"),
+        )
+        if self.sampling_period is not None:
+            settle(self, sampling_period=real(self.sampling_period, "/sampling_period"))
         if not 0 < abs(self.amplitude) <= LARGEST:
             message = "the amplitude must be finite and not zero"
             raise InvalidInputError(message, "/amplitude")
@@ -66,11 +74,20 @@ class Relay:
 
 @dataclass(frozen=True)
 class PlacedLoop:
-    """A controller from an output to an input, both counted from 0."""
+    """A controller from an output to an input, both counted from 0.
+
+    A `Controller` becomes the loop with error feedback.
+    """
 
     output: int
     input: int
     loop: Loop
+
+    def __post_init__(self) -> None:
+        if isinstance(self.loop, Controller):
+            settle(self, loop=Loop.of(self.loop))
+        instance(self.loop, Loop, "/loop")
+        settle(self, output=integer(self.output, "/output"), input=integer(self.input, "/input"))
 
 
 @dataclass(frozen=True)
@@ -102,10 +119,39 @@ class RelayExperiment:
     relay: Relay
     loops: tuple[PlacedLoop, ...]
     duration: float
+    _: KW_ONLY
     samples: int = 2001
     steps: tuple[Step, ...] = ()
 
     def __post_init__(self) -> None:
+        instance(self.plant, Plant, "/plant")
+        instance(self.relay, Relay, "/relay")
+        settle(
+            self,
+            output=integer(self.output, "/output"),
+            input=integer(self.input, "/input"),
+            loops=instances(self.loops, PlacedLoop, "/loops"),
+            duration=real(self.duration, "/duration"),
+            samples=integer(self.samples, "/samples"),
+            steps=instances(self.steps, Step, "/steps"),
+        )
+        self._check_places()
+        if not 0 < self.duration <= LARGEST:
+            message = "the duration must be positive"
+            raise InvalidInputError(message, "/duration")
+        period = self.relay.sampling_period
+        if period is not None and period * MAX_LOOKS < self.duration:
+            message = (
+                f"the relay would look at the output more than {MAX_LOOKS} times; give a sampling "
+                "period of a thousandth of the oscillation's, or null for a relay without sampling"
+            )
+            raise InvalidInputError(message, "/relay/sampling_period")
+        if not 2 <= self.samples <= MAX_SAMPLES:
+            message = f"the number of samples must lie in 2..{MAX_SAMPLES}"
+            raise InvalidInputError(message, "/samples")
+        self._check_steps()
+
+    def _check_places(self) -> None:
         n = self.plant.n
         places = [
             (self.output, self.input, ""),
@@ -126,23 +172,20 @@ class RelayExperiment:
                     message = f"{name} {number} is in two loops"
                     raise InvalidInputError(message, field)
                 seen.add(number)
-        if not 0 < self.duration <= LARGEST:
-            message = "the duration must be positive"
-            raise InvalidInputError(message, "/duration")
-        period = self.relay.sampling_period
-        if period is not None and period * MAX_LOOKS < self.duration:
-            message = (
-                f"the relay would look at the output more than {MAX_LOOKS} times; give a sampling "
-                "period of a thousandth of the oscillation's, or null for a relay without sampling"
-            )
-            raise InvalidInputError(message, "/relay/sampling_period")
-        if not 2 <= self.samples <= MAX_SAMPLES:
-            message = f"the number of samples must lie in 2..{MAX_SAMPLES}"
-            raise InvalidInputError(message, "/samples")
+
+    def _check_steps(self) -> None:
+        n = self.plant.n
         for index, step in enumerate(self.steps):
             if not 0 <= step.unit < n:
                 message = f"the plant has units 0..{n - 1}"
                 raise InvalidInputError(message, f"/steps/{index}/unit")
+            if not step.time < self.duration:
+                message = f"the step comes after the end of the simulation, {self.duration:g}"
+                raise InvalidInputError(message, f"/steps/{index}/time")
+            loop = next((each.loop for each in self.loops if each.output == step.unit), None)
+            if not acts(step.kind, loop):
+                message = f"nothing in loop {step.unit} listens to a step of its {step.kind}"
+                raise InvalidInputError(message, f"/steps/{index}/kind")
 
 
 @dataclass(frozen=True)

@@ -15,9 +15,10 @@ import numpy as np
 
 from solver.certificate.search import prove
 from solver.model.blocks import LoopBlocks, group_loops
-from solver.model.errors import InvalidInputError
 from solver.model.frequencies import corners, grid, low_end, resonances
+from solver.model.given import require_loops, require_weights
 from solver.model.peaks import Peak, highest, slices
+from solver.model.validation import MAX_FREQUENCIES, flag, frequencies
 from solver.mu.kernel import FINE
 from solver.mu.scaling import sweep
 from solver.mu.structure import BlockStructure, bound_of_scales, sigma_max
@@ -41,7 +42,6 @@ __all__ = ["LoopAnalysis", "analyse"]
 
 PROVEN_ABOVE = 1 + 2e-4  # level of a certificate over the peak; a touch cannot be proven
 POINTS_PER_DECADE = 24
-MAX_FREQUENCIES = 10_000
 LOWEST = 1e-18  # of the lowest bend: slower directions are singular to working accuracy
 
 
@@ -203,8 +203,9 @@ def analyse(
     loops : sequence of Controller
         One a unit.
     omega : (k,) or None
-        Frequencies of the curves, rad per time unit, > 0; None: a grid chosen from the loop. The
-        peaks are sought on the chosen grid in any case.
+        Frequencies of the curves, rad per time unit, > 0, at most `MAX_FREQUENCIES`, in any
+        order, which the curves keep; None: a grid chosen from the loop. The peaks are sought on
+        the chosen grid in any case.
     certificate : bool
         Whether to prove a level just above the robust performance peak for all frequencies.
 
@@ -216,17 +217,10 @@ def analyse(
         The plant is open-loop unstable.
 
     """
-    if performance.tau_p is None:
-        message = "an analysis needs a time constant"
-        raise InvalidInputError(message, "/performance/tau_p")
-    wanted = None if omega is None else np.unique(np.asarray(omega, dtype=float))
-    if wanted is not None:
-        if not 1 <= wanted.size <= MAX_FREQUENCIES:
-            message = f"between 1 and {MAX_FREQUENCIES} frequencies"
-            raise InvalidInputError(message, "/omega")
-        if not (np.isfinite(wanted).all() and (wanted > 0).all()):
-            message = "frequencies must be finite and positive"
-            raise InvalidInputError(message, "/omega")
+    loops = require_loops(plant, loops)
+    require_weights(uncertainty, performance)
+    certificate = flag(certificate, "/certificate")
+    wanted = None if omega is None else frequencies(omega, most=MAX_FREQUENCIES)
     blocks, controllers = group_loops(plant, loops, uncertainty.structure)
     unstable = unstable_poles(plant, loops)
     if unstable:

@@ -24,6 +24,7 @@ from solver.interaction.integral_controllability import (
 from solver.interaction.parallel_matrix import ParallelMatrix
 from solver.model.blocks import group_loops
 from solver.model.errors import InvalidInputError
+from solver.model.given import require_loops, require_weights
 from solver.model.plants import ParallelPlant
 from solver.model.subsystems import interchangeable
 from solver.robustness.analysis import LoopAnalysis
@@ -164,6 +165,7 @@ def integrity(
         The plant is open-loop unstable.
 
     """
+    loops = require_loops(plant, loops)
     classes = service_classes(plant, uncertainty, performance, loops)
     groups = interchangeable(plant, loops)
     return Integrity(groups, classes, _detuning(plant, loops, groups), _controllability(plant))
@@ -179,12 +181,8 @@ def service_classes(
 
     Parameters, errors: as for `integrity`.
     """
-    if performance.tau_p is None:
-        message = "an analysis needs a time constant"
-        raise InvalidInputError(message, "/performance/tau_p")
-    if len(loops) != plant.n:
-        message = f"{len(loops)} loops for a plant of {plant.n} units"
-        raise InvalidInputError(message, "/loops")
+    loops = require_loops(plant, loops)
+    require_weights(uncertainty, performance)
     groups = interchangeable(plant, loops)
     count = math.prod(len(group) + 1 for group in groups) - 1
     if count > MAX_CLASSES:

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.model.frequencies import corners, grid, resonances
+from solver.model.given import require_loops
 from solver.model.peaks import highest, slices
 from solver.model.plants import ParallelPlant
 from solver.model.subsystems import interchangeable, subsystem
@@ -124,6 +125,7 @@ def loop_margins(
         An open-loop unstable plant.
 
     """
+    loops = require_loops(plant, loops)
     if stable is None:
         stable = unstable_poles(plant, loops) == 0
     groups = interchangeable(plant, loops)

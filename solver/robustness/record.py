@@ -31,7 +31,7 @@ class Peaks:
 class Curves:
     """Upper bounds of mu over frequency, all (k,).
 
-    `omega` in rad per time unit, ascending.
+    `omega` in rad per time unit, ascending, or in the order in which it was given.
     """
 
     omega: NDArray[np.float64]

@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.model.errors import InvalidInputError
+from solver.model.transfer_function import TransferFunction
+from solver.model.validation import instance, instances, settle
 
 if TYPE_CHECKING:
     from collections.abc import Hashable, Iterator
-
-    from solver.model.transfer_function import TransferFunction
 
 __all__ = ["Actuators", "CoupledActuators", "OwnActuators"]
 
@@ -29,6 +29,7 @@ class OwnActuators:
     functions: tuple[TransferFunction, ...]
 
     def __post_init__(self) -> None:
+        settle(self, functions=instances(self.functions, TransferFunction, ""))
         _check_stable(enumerate(self.functions), "")
 
     def __len__(self) -> int:
@@ -58,6 +59,12 @@ class CoupledActuators:
     right: tuple[TransferFunction, ...]
 
     def __post_init__(self) -> None:
+        instance(self.weight, TransferFunction, "/weight")
+        settle(
+            self,
+            left=instances(self.left, TransferFunction, "/left"),
+            right=instances(self.right, TransferFunction, "/right"),
+        )
         if len(self.left) != len(self.right):
             message = f"{len(self.right)} entries, the left factor has {len(self.left)}"
             raise InvalidInputError(message, "/right")

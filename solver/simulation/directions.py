@@ -13,12 +13,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.model.errors import InvalidInputError
-from solver.model.plants import ParallelPlant
+from solver.model.plants import ParallelPlant, Plant
+from solver.model.validation import instance
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
-
-    from solver.model.plants import Plant
 
 __all__ = ["difficult_direction", "easy_direction"]
 
@@ -48,6 +47,7 @@ def difficult_direction(plant: Plant) -> NDArray[np.float64]:
 
 
 def _directions(plant: Plant) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    instance(plant, Plant, "/plant")
     if isinstance(plant, ParallelPlant):
         together = np.ones(plant.n)
         if plant.n == 1:

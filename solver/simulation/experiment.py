@@ -2,21 +2,31 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError
+from solver.model.plants import Plant
 from solver.model.transfer_function import LARGEST
+from solver.model.validation import (
+    choice,
+    instance,
+    instances,
+    integer,
+    items,
+    real,
+    real_array,
+    settle,
+)
+from solver.simulation.actuators import Actuators
+from solver.simulation.loops import Limits, Loop
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
-
-    from solver.model.plants import Plant
-    from solver.simulation.actuators import Actuators
-    from solver.simulation.loops import Limits, Loop
 
 __all__ = [
     "MAX_SAMPLES",
@@ -24,6 +34,7 @@ __all__ = [
     "Experiment",
     "Step",
     "StepKind",
+    "acts",
 ]
 
 MAX_STEPS_GIVEN = 20_000  # two on each unit of the largest plant
@@ -44,6 +55,16 @@ class StepKind(StrEnum):
     INPUT = "input"
 
 
+def acts(kind: StepKind, loop: Loop | None) -> bool:
+    """Whether a step moves anything: an open loop has no set point and measures nothing."""
+    if kind in {StepKind.LOAD, StepKind.INPUT}:
+        return True
+    if loop is None or kind is StepKind.MEASUREMENT:
+        return loop is not None
+    by_derivative = loop.derivative_time is not None and loop.derivative_weight > 0
+    return loop.integral_time is not None or loop.setpoint_weight > 0 or by_derivative
+
+
 @dataclass(frozen=True)
 class Step:
     """A step of `size` at `time` >= 0 on unit `unit`, counted from 0; two make a pulse."""
@@ -54,6 +75,13 @@ class Step:
     size: float
 
     def __post_init__(self) -> None:
+        settle(
+            self,
+            kind=choice(StepKind, self.kind, "/kind"),
+            unit=integer(self.unit, "/unit"),
+            time=real(self.time, "/time"),
+            size=real(self.size, "/size"),
+        )
         if not 0 <= self.time <= LARGEST:
             message = "the time of a step must not be negative"
             raise InvalidInputError(message, "/time")
@@ -70,10 +98,11 @@ class Experiment:
     ----------
     plant : Plant
         n units.
-    loops : tuple of Loop or None
-        n loops; None is an open one.
+    loops : sequence of Loop, Controller or None
+        n loops; None is an open one, a `Controller` one with error feedback.
     steps : tuple of Step
-        At least one.
+        At least one; each begins before the end, and acts on something: the set point of an
+        open loop does not.
     duration : float
         Time simulated, > 0.
     samples : int
@@ -95,6 +124,7 @@ class Experiment:
     loops: tuple[Loop | None, ...]
     steps: tuple[Step, ...]
     duration: float
+    _: KW_ONLY
     samples: int = 501
     actuators: Actuators | None = None
     limits: tuple[Limits | None, ...] | None = None
@@ -102,23 +132,56 @@ class Experiment:
     bound: float | None = None
 
     def __post_init__(self) -> None:
+        self._settle()
         self._check_sizes()
         if not 1 <= len(self.steps) <= MAX_STEPS_GIVEN:
             message = f"give 1..{MAX_STEPS_GIVEN} steps"
             raise InvalidInputError(message, "/steps")
-        for index, step in enumerate(self.steps):
-            if not 0 <= step.unit < self.plant.n:
-                message = f"the plant has units 0..{self.plant.n - 1}"
-                raise InvalidInputError(message, f"/steps/{index}/unit")
         if not 0 < self.duration <= LARGEST:
             message = "the duration must be positive"
             raise InvalidInputError(message, "/duration")
+        self._check_steps()
         if not 2 <= self.samples <= MAX_SAMPLES:
             message = f"the number of samples must lie in 2..{MAX_SAMPLES}"
             raise InvalidInputError(message, "/samples")
         if self.bound is not None and not 0 < self.bound <= LARGEST:
             message = "the bound must be positive"
             raise InvalidInputError(message, "/bound")
+
+    def _settle(self) -> None:
+        instance(self.plant, Plant, "/plant")
+        loops = tuple(
+            Loop.of(loop) if isinstance(loop, Controller) else loop
+            for loop in items(self.loops, "/loops")
+        )
+        settle(
+            self,
+            loops=instances(loops, Loop | None, "/loops"),
+            steps=instances(self.steps, Step, "/steps"),
+            duration=real(self.duration, "/duration"),
+            samples=integer(self.samples, "/samples"),
+        )
+        if self.actuators is not None:
+            instance(self.actuators, Actuators, "/actuators")
+        if self.limits is not None:
+            settle(self, limits=instances(self.limits, Limits | None, "/limits"))
+        if self.distribution is not None:
+            distribution = real_array(self.distribution, "/distribution", ndim=2)
+            settle(self, distribution=distribution)
+        if self.bound is not None:
+            settle(self, bound=real(self.bound, "/bound"))
+
+    def _check_steps(self) -> None:
+        for index, step in enumerate(self.steps):
+            if not 0 <= step.unit < self.plant.n:
+                message = f"the plant has units 0..{self.plant.n - 1}"
+                raise InvalidInputError(message, f"/steps/{index}/unit")
+            if not step.time < self.duration:
+                message = f"the step comes after the end of the simulation, {self.duration:g}"
+                raise InvalidInputError(message, f"/steps/{index}/time")
+            if not acts(step.kind, self.loops[step.unit]):
+                message = f"nothing in loop {step.unit} listens to a step of its {step.kind}"
+                raise InvalidInputError(message, f"/steps/{index}/kind")
 
     def _check_sizes(self) -> None:
         n = self.plant.n

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError
 from solver.model.transfer_function import LARGEST
+from solver.model.validation import instance, settle_reals
 
 __all__ = ["Limits", "Loop"]
 
@@ -46,8 +47,11 @@ class Loop:
     filter_time: float | None = None
 
     def __post_init__(self) -> None:
+        weights = ("setpoint_weight", "derivative_weight")
+        times = ("integral_time", "derivative_time", "filter_time")
+        settle_reals(self, "gain", *weights, optional=times)
         _ = self.controller  # the cascade form checks its own parameters
-        for name in ("setpoint_weight", "derivative_weight"):
+        for name in weights:
             if not 0 <= getattr(self, name) <= 1:
                 message = "a set-point weight lies in 0..1"
                 raise InvalidInputError(message, f"/{name}")
@@ -55,6 +59,7 @@ class Loop:
     @classmethod
     def of(cls, controller: Controller) -> Loop:
         """Return the loop with error feedback through `controller`."""
+        instance(controller, Controller, "")
         return cls(
             controller.gain,
             controller.integral_time,
@@ -110,6 +115,7 @@ class Limits:
     tracking_time: float | None = None
 
     def __post_init__(self) -> None:
+        settle_reals(self, "low", "high", optional=("tracking_time",))
         if not (-LARGEST <= self.low <= 0 <= self.high <= LARGEST and self.low < self.high):
             message = "limits must satisfy low <= 0 <= high and low < high"
             raise InvalidInputError(message, "/low")

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from solver.model.validation import instance
 from solver.simulation.bounds import default_bounds, sizes_of
 from solver.simulation.closed_loop import ClosedLoop, close, events
 from solver.simulation.experiment import Experiment, Step, StepKind
@@ -171,6 +172,7 @@ def step_response(experiment: Experiment) -> StepResponse:
         algebraic loop without solution.
 
     """
+    instance(experiment, Experiment, "")
     paths = _paths(experiment)
     stand_ins = [units[0] for units in paths.units]
     loops = [experiment.loops[unit] for unit in stand_ins]

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from enum import StrEnum
-from typing import TYPE_CHECKING
 
 from solver.model.errors import InvalidInputError
-from solver.model.plants import ParallelPlant
-
-if TYPE_CHECKING:
-    from solver.model.plants import Plant
-    from solver.model.weights import Performance, Uncertainty
+from solver.model.plants import ParallelPlant, Plant
+from solver.model.validation import choice, flag, instance, integer, integers, real, reals, settle
+from solver.model.weights import Performance, Uncertainty
 
 __all__ = ["Arrangement", "Bounds", "ControllerKind", "Objective", "Specification"]
 
@@ -61,9 +58,13 @@ class Bounds:
     def __post_init__(self) -> None:
         for name in ("gain", "integral_time", "derivative_time"):
             pair = getattr(self, name)
-            if pair is not None and not 0 < pair[0] < pair[1] <= 1e9:
-                message = "bounds must satisfy 0 < low < high <= 1e9"
+            if pair is None:
+                continue
+            pair = reals(pair, f"/{name}")
+            if not (len(pair) == 2 and 0 < pair[0] < pair[1] <= 1e9):
+                message = "bounds must be two numbers that satisfy 0 < low < high <= 1e9"
                 raise InvalidInputError(message, f"/{name}")
+            settle(self, **{name: pair})
 
 
 @dataclass(frozen=True)
@@ -75,12 +76,12 @@ class Specification:
     plant : Plant
         Open-loop stable, or integrating.
     uncertainty, performance : Uncertainty, Performance
-        The weights. `performance.tau_p` is needed for the objective MU only.
+        The weights. `performance.tau_p` is given for the objective MU, and only then.
     kind, arrangement, group_sizes, objective
-        See the enums. `group_sizes` is given for GROUPED, and only then; the sizes sum to
-        `plant.n` and the first group holds the first units.
+        See the enums; their values will do. `group_sizes` is given for GROUPED, and only then;
+        the sizes sum to `plant.n` and the first group holds the first units.
     bounds : Bounds
-        Parameter bounds.
+        Parameter bounds; none of a parameter that the kind does not have.
     starts : int or None
         Starts of the search, 1..1000; None: until no further optimum is to be expected.
     seed : int
@@ -98,6 +99,7 @@ class Specification:
     plant: Plant
     uncertainty: Uncertainty
     performance: Performance
+    _: KW_ONLY
     kind: ControllerKind = ControllerKind.PI
     arrangement: Arrangement = Arrangement.INDEPENDENT
     group_sizes: tuple[int, ...] | None = None
@@ -110,12 +112,19 @@ class Specification:
     optimality_gap: bool = False
 
     def __post_init__(self) -> None:
+        self._settle()
         self._check_groups()
         if self.optimality_gap:
             self._check_optimality_gap()
         if self.objective is Objective.MU and self.performance.tau_p is None:
             message = "the objective mu needs a time constant"
             raise InvalidInputError(message, "/performance/tau_p")
+        if self.objective is Objective.TAU_P and self.performance.tau_p is not None:
+            message = "the objective tau_p seeks the time constant: leave it out, or take mu"
+            raise InvalidInputError(message, "/performance/tau_p")
+        if self.kind is ControllerKind.PI and self.bounds.derivative_time is not None:
+            message = "a PI controller has no derivative time to bound"
+            raise InvalidInputError(message, "/controller/bounds/derivative_time")
         if self.starts is not None and not 1 <= self.starts <= MAX_STARTS:
             message = f"the number of starts must lie in 1..{MAX_STARTS}"
             raise InvalidInputError(message, "/search/starts")
@@ -125,6 +134,28 @@ class Specification:
         if self.time_limit is not None and not self.time_limit > 0:
             message = "the time limit must be positive"
             raise InvalidInputError(message, "/search/time_limit")
+
+    def _settle(self) -> None:
+        instance(self.plant, Plant, "/plant")
+        instance(self.uncertainty, Uncertainty, "/uncertainty")
+        instance(self.performance, Performance, "/performance")
+        instance(self.bounds, Bounds, "/controller/bounds")
+        settle(
+            self,
+            kind=choice(ControllerKind, self.kind, "/controller/kind"),
+            arrangement=choice(Arrangement, self.arrangement, "/controller/arrangement"),
+            objective=choice(Objective, self.objective, "/objective"),
+            seed=integer(self.seed, "/search/seed"),
+            certificate=flag(self.certificate, "/certificate"),
+            optimality_gap=flag(self.optimality_gap, "/search/optimality_gap"),
+        )
+        if self.group_sizes is not None:
+            sizes = integers(self.group_sizes, "/controller/group_sizes")
+            settle(self, group_sizes=sizes)
+        if self.starts is not None:
+            settle(self, starts=integer(self.starts, "/search/starts"))
+        if self.time_limit is not None:
+            settle(self, time_limit=real(self.time_limit, "/search/time_limit"))
 
     def _check_groups(self) -> None:
         where = "/controller/group_sizes"

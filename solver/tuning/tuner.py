@@ -12,6 +12,7 @@ from solver.certificate.search import prove
 from solver.model.errors import InvalidInputError
 from solver.model.plants import ParallelPlant
 from solver.model.transfer_function import LARGEST
+from solver.model.validation import instance
 from solver.robustness.analysis import LoopAnalysis
 from solver.robustness.integrity import in_one_line
 from solver.stability.closed_loop import require_supported, unstable_poles
@@ -99,6 +100,7 @@ def tune(
         Too many different controllers; or the best tau_P is too large a number.
 
     """
+    instance(specification, Specification, "/specification")
     require_supported(specification.plant)
     partitions = groupings(specification)
     clock = _Clock(specification.time_limit, progress)

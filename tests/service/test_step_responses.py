@@ -176,10 +176,37 @@ def test_worst_case_needs_stable_closed_loops(
         "uncertainty": {"epsilon": 0.2, "theta": 1.0},
         "performance": {"tau_p": 19.0},
     }
-    request = {**REQUEST, "loops": loops, "perturbation": perturbation}
+    load = {"kind": "load", "unit": 0, "time": 0.0, "size": 1.0}
+    request = {
+        **REQUEST,
+        "loops": loops,
+        "steps": [load],
+        "direction": None,
+        "perturbation": perturbation,
+    }
     response = client.post(PATH, json=request)
     assert response.status_code == 422
     assert response.json()["errors"][0]["pointer"] == "/perturbation/kind"
+
+
+@pytest.mark.parametrize(
+    ("step", "blamed"),
+    [
+        ({"kind": "setpoint", "unit": 1, "time": 0.0, "size": 1.0}, "/steps/0/kind"),
+        ({"kind": "measurement", "unit": 1, "time": 0.0, "size": 1.0}, "/steps/0/kind"),
+        ({"kind": "load", "unit": 1, "time": 1e9, "size": 1.0}, "/steps/0/time"),
+    ],
+)
+def test_a_step_that_moves_nothing_is_refused(
+    client: httpx.Client, step: dict[str, Any], blamed: str
+) -> None:
+    """An open loop has no set point and does not measure; after the end nothing happens."""
+    loops = [{"gain": 1.0, "integral_time": 10.0}, None]
+    response = client.post(
+        PATH, json={**REQUEST, "loops": loops, "steps": [step], "direction": None}
+    )
+    assert response.status_code == 422
+    assert response.json()["errors"][0]["pointer"] == blamed
 
 
 def test_command_line_prints_the_same(

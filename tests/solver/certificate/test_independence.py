@@ -21,7 +21,8 @@ outcome = verify(sys.stdin.buffer.read())
 ours = {
     "solver", "solver.model", "solver.certificate",
     *(f"solver.model.{name}" for name in (
-        "errors", "transfer_function", "plants", "controllers", "weights")),
+        "errors", "validation", "precision", "transfer_function", "plants", "controllers",
+        "weights", "given")),
     *(f"solver.certificate.{name}" for name in (
         "reading", "record", "reduction", "taylor_models", "enclosures", "enclosed_loop", "proof",
         "verify")),

@@ -126,7 +126,17 @@ def test_response_agrees_with_numerical_integration() -> None:
     """A second-order load, three units, every event: solve_ivp at 1e-10 agrees."""
     load = TransferFunction([1, 2], [1, 0.8, 2])
     system = ParallelDrives(load, [PI, Drive(0.4, 0.3), Drive(0.2)], (0.5, 0.25, 0.25))
-    scenario = DriveScenario(1.0, 0.5, 5.0, 0.7, 0, 9.0, 2.0, 15.0, 61)
+    scenario = DriveScenario(
+        set_point=1.0,
+        load=0.5,
+        load_time=5.0,
+        pulse=0.7,
+        pulse_unit=0,
+        pulse_time=9.0,
+        pulse_duration=2.0,
+        end=15.0,
+        points=61,
+    )
     for model, response in (
         (original_model(system), simulate_drives(DriveExperiment(system, scenario)).original),
         (mended_model(system), simulate_drives(DriveExperiment(system, scenario)).mended),

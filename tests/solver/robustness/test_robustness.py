@@ -96,12 +96,28 @@ def test_narrow_resonances_are_resolved():
     )
 
 
-@pytest.mark.parametrize("omega", [[], [0.0], [-1.0], [np.nan], [np.inf]])
-def test_frequencies_must_be_positive_and_finite(omega):
+@pytest.mark.parametrize(
+    ("omega", "where"),
+    [([], "/omega"), ([1, 0.0], "/omega/1"), ([-1.0], "/omega/0"), ([[1.0]], "/omega"),
+     ([np.nan], "/omega/0"), ([np.inf], "/omega/0"), ("1", "/omega"), ([1j], "/omega")],
+)  # fmt: skip
+def test_frequencies_must_be_positive_and_finite(omega, where):
     """Bad frequencies are refused by name."""
     with pytest.raises(InvalidInputError) as error:
         analyse(SLH, USUAL, Performance(tau_p=19), PUBLISHED, omega)
-    assert error.value.field == "/omega"
+    assert error.value.field == where
+
+
+def test_curves_come_in_the_order_of_the_frequencies():
+    """Values can be laid beside the caller's own, unsorted and repeated ones too."""
+    omega = [1.0, 0.01, 0.1, 0.01]
+    curves = analyse(SLH, USUAL, Performance(tau_p=19), PUBLISHED, omega).curves
+    assert curves.omega.tolist() == omega
+    for at, value in zip(omega, curves.robust_performance, strict=True):
+        (alone,) = analyse(
+            SLH, USUAL, Performance(tau_p=19), PUBLISHED, at
+        ).curves.robust_performance
+        assert alone == pytest.approx(value, rel=1e-12)
 
 
 def test_a_time_constant_and_one_loop_a_unit_are_needed():

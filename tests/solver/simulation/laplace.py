@@ -85,6 +85,7 @@ def _law(loop: Loop | None, s: float, b: float, c: float) -> float:
 def random_experiment(rng: np.random.Generator, plant: Plant, duration: float) -> Experiment:
     """Calm loops, some open, with steps of every kind at random times."""
     from solver.simulation import Step  # noqa: PLC0415
+    from solver.simulation.experiment import acts  # noqa: PLC0415
 
     loops: Sequence[Loop | None] = [
         None
@@ -103,4 +104,5 @@ def random_experiment(rng: np.random.Generator, plant: Plant, duration: float) -
         Step(kind, int(rng.integers(plant.n)), float(rng.uniform(0, 5)), float(rng.normal()))
         for kind in StepKind
     ]
+    steps = [step for step in steps if acts(step.kind, loops[step.unit])]
     return Experiment(plant, tuple(loops), tuple(steps), duration)

@@ -68,7 +68,7 @@ def test_perturbed_loops_are_stable() -> None:
 )
 def test_open_proportional_or_unstable_loops_have_no_worst_case(loops: tuple) -> None:
     """mu has no meaning there."""
-    experiment = Experiment(PLANT, loops, (Step(StepKind.SETPOINT, 0, 0.0, 1.0),), 10.0)
+    experiment = Experiment(PLANT, loops, (Step(StepKind.LOAD, 0, 0.0, 1.0),), 10.0)
     with pytest.raises(InvalidInputError) as caught:
         with_worst_actuators(experiment, Uncertainty.from_error(0.2, 1.0), PERFORMANCE)
     assert caught.value.field == "/kind"

@@ -1,0 +1,49 @@
+"""The checks of analyses that are given a plant, a controller for each unit and the weights."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from solver.model.controllers import Controller
+from solver.model.errors import InvalidInputError
+from solver.model.plants import Plant
+from solver.model.validation import instance, instances
+from solver.model.weights import Performance, Uncertainty
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+__all__ = ["require_loops", "require_weights"]
+
+
+def require_loops(plant: Plant, loops: Sequence[Controller]) -> tuple[Controller, ...]:
+    """Return the loops of a plant, one a unit.
+
+    Raises
+    ------
+    InvalidInputError
+        No plant, something else than controllers, not one a unit.
+
+    """
+    instance(plant, Plant, "/plant")
+    given = instances(loops, Controller, "/loops")
+    if len(given) != plant.n:
+        message = f"{len(given)} loops for a plant of {plant.n} units"
+        raise InvalidInputError(message, "/loops")
+    return given
+
+
+def require_weights(uncertainty: Uncertainty, performance: Performance) -> None:
+    """Refuse what is no weight, and a demand without `tau_p`.
+
+    Raises
+    ------
+    InvalidInputError
+        So it is.
+
+    """
+    instance(uncertainty, Uncertainty, "/uncertainty")
+    instance(performance, Performance, "/performance")
+    if performance.tau_p is None:
+        message = "an analysis needs a time constant"
+        raise InvalidInputError(message, "/performance/tau_p")
