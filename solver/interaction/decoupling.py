@@ -14,23 +14,31 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.interaction.decoupled_loops import DecoupledLoops
+from solver.interaction.detuning import detuned
 from solver.interaction.loop_shape import RobustnessLimits
-from solver.interaction.pi_design import DesignStatus, PIDesign, design_pi
+from solver.interaction.pi_design import DesignStatus, LoopDesigner, PIDesign
 from solver.interaction.relative_gain import relative_gain_array, relative_gain_at
 from solver.interaction.sampling import dense_frequencies
 from solver.interaction.weighted_sum import WeightedSum
 from solver.model.errors import InvalidInputError, UnsupportedPlantError
 from solver.model.frequencies import corners_of
 from solver.model.plants import MAX_MATRIX_SIZE, ParallelPlant, Plant
+from solver.model.transfer_function import LARGEST
 from solver.model.validation import MAX_FREQUENCIES, frequencies, instance, real, reals, settle
 from solver.stability.singular import is_singular
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
+
+    from solver.model.controllers import ParallelForm
 
 __all__ = ["ClosedLoop", "Decoupling", "DecouplingSpecification", "decouple"]
 
 INPUT_ERROR = 0.2  # relative error of an input, that of the default uncertainty weight
+_UNLIKE = 2.0  # factor between index and peak from which the estimate misleads
+_MATTERS = 0.1  # interaction below this is small whatever the estimate says
 _POINTS = 200  # of the curves; the peaks are read off a dense grid
 
 
@@ -45,12 +53,16 @@ class DecouplingSpecification:
     limits : RobustnessLimits
         Permitted peaks of |S| and |T| of each loop.
     max_index : float or None
-        Interaction index that no loop may exceed; the integral gains are reduced to keep it.
+        Peak of |h_ij| that no loop j may exceed at any other output i; the integral gains are
+        reduced to keep it.
     set_point_weights : tuple of float or None
         b, one a loop, 0 to 1; None: zero, which disturbs the other loops least.
     omega : (k,) or None
         Frequencies of the curves, rad per time unit, > 0, in any order, which the curves keep;
         None: chosen from the plant.
+    gains : tuple of ParallelForm or None
+        Own settings k and k_I of the decoupled loops, one a loop, analysed as they are; None: they
+        are designed.
 
     """
 
@@ -59,10 +71,12 @@ class DecouplingSpecification:
     max_index: float | None = None
     set_point_weights: tuple[float, ...] | None = None
     omega: NDArray[np.float64] | None = None
+    gains: tuple[ParallelForm, ...] | None = None
 
     def __post_init__(self) -> None:
         self._settle()
         self._check_plant()
+        self._check_gains()
         if self.max_index is not None and not 0 < self.max_index <= 1e6:
             message = "the interaction index must be positive and at most 1e6"
             raise InvalidInputError(message, "/max_index")
@@ -97,6 +111,27 @@ class DecouplingSpecification:
         if is_singular(self.plant.static_gain()):
             message = "the static gain is singular: it has no inverse to decouple with"
             raise InvalidInputError(message, "/plant")
+
+    def _check_gains(self) -> None:
+        if self.gains is None:
+            return
+        if len(self.gains) != self.plant.n:
+            message = f"{len(self.gains)} settings for {self.plant.n} loops"
+            raise InvalidInputError(message, "/gains")
+        if self.max_index is not None:
+            message = "given settings are analysed, not detuned: leave one of the two out"
+            raise InvalidInputError(message, "/max_index")
+        for index, gains in enumerate(self.gains):
+            if gains.derivative_gain:
+                message = "the loops behind a decoupler are PI"
+                raise InvalidInputError(message, f"/gains/{index}/derivative_gain")
+            # Q(0) = I: each loop has a positive static gain.
+            if not 0 < gains.integral_gain <= LARGEST:
+                message = f"the integral gain must be positive and at most {LARGEST:g}"
+                raise InvalidInputError(message, f"/gains/{index}/integral_gain")
+            if not abs(gains.proportional_gain) <= LARGEST:
+                message = f"the proportional gain must be at most {LARGEST:g} in magnitude"
+                raise InvalidInputError(message, f"/gains/{index}/proportional_gain")
 
     @property
     def weights(self) -> tuple[float, ...]:
@@ -189,8 +224,7 @@ def decouple(specification: DecouplingSpecification) -> Decoupling:
     plant = specification.plant
     D = np.asarray(np.linalg.inv(plant.static_gain()), dtype=np.float64)
     kappa = _first_coefficients(plant, D)
-    limits = _integral_gain_limits(kappa, specification)
-    loops = _design_loops(specification, D, limits)
+    loops = _loops(specification, D, kappa)
     closed_loop = _closed_loop(specification, D, kappa, loops)
     error_gain = _input_error_gain(plant, loops)
     return Decoupling(
@@ -200,7 +234,7 @@ def decouple(specification: DecouplingSpecification) -> Decoupling:
         set_point_weights=specification.weights,
         closed_loop=closed_loop,
         input_error_gain=error_gain,
-        warnings=_warnings(loops, closed_loop, error_gain),
+        warnings=_warnings(loops, closed_loop, error_gain, specification.max_index),
     )
 
 
@@ -213,35 +247,68 @@ def _first_coefficients(plant: Plant, D: NDArray[np.float64]) -> NDArray[np.floa
     return np.where(np.abs(kappa) <= noise, 0.0, kappa)
 
 
-def _design_loops(
-    specification: DecouplingSpecification, D: NDArray[np.float64], limits: NDArray[np.float64]
+def _loops(
+    specification: DecouplingSpecification, D: NDArray[np.float64], kappa: NDArray[np.float64]
 ) -> list[PIDesign]:
+    """Return the loops as given, as designed, or detuned by the exact peaks."""
     plant = specification.plant
     size = range(plant.n)
     if isinstance(plant, ParallelPlant):  # all loops are alike
         others = (plant.n - 1) * float(D[0, -1]) if plant.n > 1 else 0.0
         process = WeightedSum((float(D[0, 0]), others), (plant.process, plant.interaction))
-        return [design_pi(process, specification.limits, float(limits[0]))] * plant.n
-    designs = []
-    for loop in size:
-        row = tuple(plant.element(loop, column) for column in size)
-        process = WeightedSum(tuple(float(d) for d in D[:, loop]), row)
-        designs.append(design_pi(process, specification.limits, float(limits[loop])))
-    return designs
+        designers = [LoopDesigner(process, specification.limits)] * plant.n
+    else:
+        designers = [
+            LoopDesigner(
+                WeightedSum(
+                    tuple(float(d) for d in D[:, loop]),
+                    tuple(plant.element(loop, column) for column in size),
+                ),
+                specification.limits,
+            )
+            for loop in size
+        ]
+    if specification.gains is not None:
+        return [
+            designer.given(gains)
+            for designer, gains in zip(designers, specification.gains, strict=True)
+        ]
+
+    def designs(limits: NDArray[np.float64]) -> list[PIDesign]:
+        known: dict[tuple[LoopDesigner, float], PIDesign] = {}
+        for key in zip(designers, limits.tolist(), strict=True):
+            if key not in known:
+                known[key] = key[0].design(key[1])
+        return [known[key] for key in zip(designers, limits.tolist(), strict=True)]
+
+    free = designs(np.full(plant.n, math.inf))
+    if specification.max_index is None:
+        return free
+    dense = dense_frequencies(plant.elements)
+
+    def peaks(loops: Sequence[PIDesign]) -> NDArray[np.float64] | None:
+        gains = tuple(loop.gains for loop in loops if loop.gains is not None)
+        system = DecoupledLoops(plant, D, gains, specification.weights)
+        return _peaks(np.abs(system.exact(dense))) if system.is_stable(dense) else None
+
+    # Where nothing in the model bounds a loop, the estimate is where the search begins.
+    start = np.where(
+        [loop.gains is None for loop in free],
+        _integral_gain_limits(kappa, specification, specification.max_index),
+        math.inf,
+    )
+    return detuned(designs, peaks, specification.max_index, start)
 
 
 def _integral_gain_limits(
-    kappa: NDArray[np.float64], specification: DecouplingSpecification
+    kappa: NDArray[np.float64], specification: DecouplingSpecification, max_index: float
 ) -> NDArray[np.float64]:
-    """Greatest integral gain of each loop j: max_index/(|kappa_ij| M_s) for every other i."""
-    n = len(kappa)
-    if specification.max_index is None:
-        return np.full(n, math.inf)
+    """Estimated integral gain of each loop j: max_index/(|kappa_ij| M_s) for every other i."""
     coupling = np.abs(kappa)
     np.fill_diagonal(coupling, 0.0)
     strongest = np.max(coupling, axis=0) * specification.limits.max_sensitivity
     with np.errstate(divide="ignore"):
-        return np.asarray(specification.max_index / strongest, dtype=np.float64)
+        return np.asarray(max_index / strongest, dtype=np.float64)
 
 
 def _closed_loop(
@@ -251,7 +318,7 @@ def _closed_loop(
     loops: list[PIDesign],
 ) -> ClosedLoop | None:
     gains = tuple(loop.gains for loop in loops if loop.gains is not None)
-    peaks = [loop.sensitivity.value for loop in loops if loop.sensitivity is not None]
+    peaks = [math.inf if loop.sensitivity is None else loop.sensitivity.value for loop in loops]
     if len(gains) < len(loops):
         return None
     plant = specification.plant
@@ -261,7 +328,8 @@ def _closed_loop(
         bends = corners_of(plant.elements)
         omega = np.geomspace(bends[0] / 100, bends[-1] * 100, _POINTS)
     dense = dense_frequencies(plant.elements)
-    indices = np.abs(kappa * [g.integral_gain for g in gains]) * np.array(peaks)[:, None]
+    coupling = np.abs(kappa * [g.integral_gain for g in gains])
+    indices = np.where(coupling == 0, 0.0, coupling) * np.array(peaks)[:, None]
     np.fill_diagonal(indices, 0.0)
     return ClosedLoop(
         stable=system.is_stable(dense),
@@ -304,7 +372,10 @@ def _input_error_gain(plant: Plant, loops: list[PIDesign]) -> float:
 
 
 def _warnings(
-    loops: list[PIDesign], closed_loop: ClosedLoop | None, error_gain: float
+    loops: list[PIDesign],
+    closed_loop: ClosedLoop | None,
+    error_gain: float,
+    max_index: float | None,
 ) -> tuple[str, ...]:
     warnings = [
         f"Loop {index + 1} has no finite optimum: its model has nothing that limits the "
@@ -312,6 +383,13 @@ def _warnings(
         for index, loop in enumerate(loops)
         if loop.status is DesignStatus.UNBOUNDED
     ]
+    warnings += [
+        f"Loop {index + 1} is unstable with its settings, even alone."
+        for index, loop in enumerate(loops)
+        if loop.status is DesignStatus.GIVEN and loop.sensitivity is None
+    ]
+    if closed_loop is not None and closed_loop.stable:
+        warnings += _interaction_warnings(closed_loop, max_index)
     if closed_loop is not None and not closed_loop.stable:
         warnings.append(
             "The loops are unstable together: the interaction left by the static decoupler is "
@@ -324,3 +402,28 @@ def _warnings(
             "dangerous here. Prefer single loops tuned for robust performance."
         )
     return tuple(warnings)
+
+
+def _interaction_warnings(closed_loop: ClosedLoop, max_index: float | None) -> list[str]:
+    """Say where the peaks exceed the bound, and where the estimate of them fails."""
+    warnings = []
+    n = len(closed_loop.indices)
+    exact = np.where(np.eye(n, dtype=bool), 0.0, closed_loop.exact_peaks)
+    if max_index is not None and np.max(exact) > max_index:
+        warnings.append(
+            f"The interaction still reaches {np.max(exact):.3g}: lower integral gains did not "
+            f"bring it to {max_index:.3g}."
+        )
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.where(exact > 0, closed_loop.indices / exact, 1.0)
+    matters = np.maximum(exact, closed_loop.indices) > _MATTERS
+    wrong = matters & ((ratio > _UNLIKE) | (ratio < 1 / _UNLIKE))
+    if np.any(wrong):
+        size = np.where(wrong, np.abs(np.log(np.maximum(ratio, 1e-300))), -1.0)
+        i, j = np.unravel_index(int(np.argmax(size)), size.shape)
+        warnings.append(
+            f"The index of loop {j + 1} on output {i + 1} says {closed_loop.indices[i, j]:.3g}, "
+            f"the true peak is {exact[i, j]:.3g}: the estimate fails where the loops' bandwidths "
+            "are unlike. Go by the exact peaks."
+        )
+    return warnings

@@ -18,6 +18,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-__all__ = ["DesignStatus", "PIDesign", "RobustnessLimits", "design_pi"]
+__all__ = ["DesignStatus", "LoopDesigner", "PIDesign", "RobustnessLimits", "design_pi"]
 
 # Proportional gains tried first, in units of 1/q(0). Below -10 a loop could be stable only if
 # the process led in phase by 90 degrees and more where its gain is that of steady state.
@@ -47,12 +48,13 @@ class DesignStatus(StrEnum):
     OPTIMAL: the greatest integral gain within the limits. DETUNED: less was asked for; the
     proportional gain is the one with the lowest peaks. UNBOUNDED: no finite optimum, because the
     model has no dead time, high order or right-half-plane zero that would set one; add what it
-    neglects, or give a limit.
+    neglects, or give a limit. GIVEN: the caller's own settings, analysed as they are.
     """
 
     OPTIMAL = "optimal"
     DETUNED = "detuned"
     UNBOUNDED = "unbounded"
+    GIVEN = "given"
 
 
 @dataclass(frozen=True)
@@ -60,8 +62,9 @@ class PIDesign:
     """Settings c(s) = k + k_I/s and the peaks that they reach.
 
     `gains`, `sensitivity` (peak of |S|) and `complementary` (peak of |T|) are None where the
-    status is UNBOUNDED. Peaks of exactly 1 are reached at infinite or zero frequency.
-    `greatest_integral_gain` is the optimum without a limit on it; None where it is unbounded.
+    status is UNBOUNDED, the peaks also where given settings make the loop unstable. Peaks of
+    exactly 1 are reached at infinite or zero frequency. `greatest_integral_gain` is the optimum
+    without a limit on it; None where it is unbounded.
     """
 
     status: DesignStatus
@@ -76,10 +79,13 @@ def design_pi(
 ) -> PIDesign:
     """Return the PI settings with the greatest integral gain within the limits.
 
-    With `integral_gain_limit` below that optimum the integral gain is set to the limit and the
-    proportional gain is the one that makes the larger of the two peaks, each measured from 1 to
-    its limit, as low as possible; of several that keep both at 1, the smallest. As the limit
-    rises this joins the optimum continuously.
+    See `LoopDesigner`, which takes the same arguments and raises the same errors.
+    """
+    return LoopDesigner(process, limits).design(integral_gain_limit)
+
+
+class LoopDesigner:
+    """Designs of one loop for several limits of its integral gain.
 
     Parameters
     ----------
@@ -87,8 +93,6 @@ def design_pi(
         q(s), stable, static gain not zero.
     limits : RobustnessLimits
         Permitted peaks.
-    integral_gain_limit : float
-        Greatest magnitude of the integral gain, > 0.
 
     Raises
     ------
@@ -98,34 +102,79 @@ def design_pi(
         A static gain of zero.
 
     """
-    if any(np.any(term.poles.real >= 0) for term in process.active_terms):
-        message = "the design is for stable processes; this one integrates or is unstable"
-        raise UnsupportedPlantError(message)
-    gain = process.static_gain
-    if gain == 0:
-        message = "the static gain is zero: integral action is impossible"
-        raise InvalidInputError(message)
-    # Turned, the process has a positive static gain; the settings are turned back at the end.
-    sign = math.copysign(1.0, gain)
-    shape = LoopShape.of(WeightedSum(tuple(sign * w for w in process.weights), process.terms))
-    candidates = _GAINS / abs(gain)
-    best = _greatest_integral_gain(shape, limits, candidates)
-    if best is not None and best[1] <= integral_gain_limit:
-        status, (proportional, integral) = DesignStatus.OPTIMAL, best
-    else:
-        status, integral = DesignStatus.DETUNED, integral_gain_limit
-        detuned = _lowest_peaks(shape, limits, candidates, integral)
+
+    def __init__(self, process: WeightedSum, limits: RobustnessLimits) -> None:
+        if any(np.any(term.poles.real >= 0) for term in process.active_terms):
+            message = "the design is for stable processes; this one integrates or is unstable"
+            raise UnsupportedPlantError(message)
+        gain = process.static_gain
+        if gain == 0:
+            message = "the static gain is zero: integral action is impossible"
+            raise InvalidInputError(message)
+        # Turned, the process has a positive static gain; settings are turned back at the end.
+        self._sign = math.copysign(1.0, gain)
+        turned = tuple(self._sign * weight for weight in process.weights)
+        self._shape = LoopShape.of(WeightedSum(turned, process.terms))
+        self._limits = limits
+        self._candidates = _GAINS / abs(gain)
+
+    @cached_property
+    def _best(self) -> tuple[float, float] | None:
+        return _greatest_integral_gain(self._shape, self._limits, self._candidates)
+
+    def design(self, integral_gain_limit: float = math.inf) -> PIDesign:
+        """Return the settings with the greatest integral gain within the limits.
+
+        With `integral_gain_limit` below that optimum the integral gain is set to the limit and the
+        proportional gain is the one that makes the larger of the two peaks, each measured from 1
+        to its limit, as low as possible; of several that keep both at 1, the smallest. As the
+        limit rises this joins the optimum continuously.
+
+        Parameters
+        ----------
+        integral_gain_limit : float
+            Greatest magnitude of the integral gain, > 0.
+
+        """
+        best = self._best
+        if best is not None and best[1] <= integral_gain_limit:
+            return self._designed(DesignStatus.OPTIMAL, *best)
+        detuned = _lowest_peaks(self._shape, self._limits, self._candidates, integral_gain_limit)
         if detuned is None:
             return PIDesign(DesignStatus.UNBOUNDED, None, None, None, None)
-        proportional = detuned
-    sensitivity, complementary = shape.peaks(proportional, integral)
-    return PIDesign(
-        status=status,
-        gains=ParallelForm(sign * proportional, sign * integral),
-        sensitivity=sensitivity,
-        complementary=complementary,
-        greatest_integral_gain=None if best is None else sign * best[1],
-    )
+        return self._designed(DesignStatus.DETUNED, detuned, integral_gain_limit)
+
+    def given(self, gains: ParallelForm) -> PIDesign:
+        """Return the caller's own settings with the peaks that they reach.
+
+        Raises
+        ------
+        InvalidInputError
+            An integral gain that is zero or has not the sign of the process.
+
+        """
+        integral = self._sign * gains.integral_gain
+        if integral <= 0:
+            message = "the integral gain must have the sign of the process, and not be zero"
+            raise InvalidInputError(message, "/integral_gain")
+        proportional = self._sign * gains.proportional_gain
+        if not self._shape.is_stable(proportional, integral):
+            return PIDesign(DesignStatus.GIVEN, gains, None, None, self._greatest)
+        return self._designed(DesignStatus.GIVEN, proportional, integral)
+
+    @property
+    def _greatest(self) -> float | None:
+        return None if self._best is None else self._sign * self._best[1]
+
+    def _designed(self, status: DesignStatus, proportional: float, integral: float) -> PIDesign:
+        sensitivity, complementary = self._shape.peaks(proportional, integral)
+        return PIDesign(
+            status=status,
+            gains=ParallelForm(self._sign * proportional, self._sign * integral),
+            sensitivity=sensitivity,
+            complementary=complementary,
+            greatest_integral_gain=self._greatest,
+        )
 
 
 def _greatest_integral_gain(

@@ -37,7 +37,8 @@ def test_frequencies_and_weights_are_the_callers(client: httpx.Client) -> None:
     assert result.closed_loop is not None
     assert result.closed_loop.omega == [0.01, 0.1]
     assert result.set_point_weights == [1.0, 0.5]
-    assert max(result.closed_loop.indices[0][1] or 0, result.closed_loop.indices[1][0] or 0) <= 1
+    peaks = result.closed_loop.exact_peaks
+    assert max(peaks[0][1] or 0, peaks[1][0] or 0) <= 1
 
 
 def test_unbounded_loop_says_what_to_do(client: httpx.Client) -> None:
