@@ -101,21 +101,21 @@ def step_response(request: StepResponseRequest) -> dict[str, Any]:
 
 def figures_of_tuning(request: str, result: str, unit: str) -> dict[str, Any]:
     """Return everything that the result of a tuning has to show; both are JSON text."""
-    from service.figures.answers import draw_tuning
+    from service.figures.document import draw_tuning
 
     return draw_tuning(request, result, unit)
 
 
 def figures(result: Drawn, unit: str) -> dict[str, Any]:
     """Return the figures of the result of an analysis."""
-    from service.figures.answers import draw
+    from service.figures.document import draw
 
     return draw(result, unit)
 
 
 def report(request: str, result: str, unit: str, job: str) -> dict[str, Any]:
     """Return the report of a tuning and the content policy that it needs."""
-    from service.report import POLICY, report_html
+    from service.report.document import POLICY, report_html
 
     tuned = Tuned.from_json(request, result, unit)
     return {"html": report_html(tuned, datetime.now(UTC), job), "policy": POLICY}

@@ -23,8 +23,8 @@ import plotly.graph_objects as go
 
 import solver.tuning
 from service.figures.tuning import tuning_figures
-from service.rendering import render
-from service.report import report_html
+from service.report.document import report_html
+from service.report.rendering import render
 from service.schemas import TuningRequest, TuningResult, parse_tuning_request
 from service.tuned import Tuned
 from service.wording import OBJECTIVES, TIME_UNIT, forms, headline, peak_rows

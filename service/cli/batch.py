@@ -17,11 +17,11 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from service.cli.outcomes import ExitCode, read_input, reported, say
+from service.configuration import Settings
 from service.jobs.engine import Engine, EngineLostError, WorkerLostError
 from service.jobs.records import JobStatus, Outcome
 from service.problems import UnavailableError, describe
 from service.schemas import Fault, RequestError, canonical, parse_tuning_request
-from service.settings import Settings
 
 __all__ = ["batch_file", "resume_at"]
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import typer
 
 from service.cli.outcomes import ExitCode, reported, say
+from service.configuration import Settings
 from service.keys import KeyFile, Scope
-from service.settings import Settings
 
 __all__ = ["create", "listing", "revoke"]
 

@@ -12,9 +12,9 @@ import uvicorn
 from fastapi import FastAPI
 
 from service import logs
-from service.app import create_app
 from service.cli.outcomes import ExitCode, reported, say
-from service.settings import Settings
+from service.configuration import Settings
+from service.http.app import create_app
 
 __all__ = ["serve"]
 

@@ -54,7 +54,7 @@ def tune_file(
     else:
         Console().print(tuning_table(result))
     if report is not None:
-        from service.report import report_html  # noqa: PLC0415 - imports Plotly
+        from service.report.document import report_html  # noqa: PLC0415 - imports Plotly
 
         report.write_text(report_html(Tuned(request, result), datetime.now(UTC)), "utf-8")
     return exit_code_of(result)

@@ -8,8 +8,8 @@ import signal
 from distributed import Nanny
 
 from service.cli.outcomes import ExitCode, reported, say
+from service.configuration import Settings
 from service.jobs import processes
-from service.settings import Settings
 
 __all__ = ["work"]
 

@@ -10,8 +10,8 @@ told to do, and every process forked from it is then ready at once.
 
 import gc
 
-import service.analyses
 import service.computing
+import service.jobs.pool
 import service.jobs.work
 import solver.certificate.search
 import solver.interaction.analysis

@@ -9,8 +9,8 @@ import pytest
 import structlog
 from serving import served
 
-from service.app import create_app
-from service.settings import Settings
+from service.configuration import Settings
+from service.http.app import create_app
 
 # Requests that end late would print their line into the output of a later test.
 structlog.configure(logger_factory=structlog.ReturnLoggerFactory())

@@ -8,10 +8,10 @@ import pytest
 from samples import ROBUSTNESS, tuning
 from serving import served
 
-from service.access import RateLimiter
-from service.app import create_app
+from service.configuration import Settings
+from service.http.access import RateLimiter
+from service.http.app import create_app
 from service.keys import Key, KeyFile, KeyFileError, Scope
-from service.settings import Settings
 
 
 @pytest.fixture(scope="module")

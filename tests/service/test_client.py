@@ -14,8 +14,9 @@ from pydantic import BaseModel
 from samples import ROBUSTNESS, altered, tuning
 from serving import served
 
-from service.app import create_app
 from service.client import Client, JobEndedError, ServiceError, ServiceUnreachableError
+from service.configuration import Settings
+from service.http.app import create_app
 from service.keys import KeyFile, Scope
 from service.schemas import TuningRequest
 from service.schemas.decouplings import DecouplingRequest
@@ -25,7 +26,6 @@ from service.schemas.jobs import JobProgress
 from service.schemas.parallel_drives import ParallelDrivesRequest
 from service.schemas.relay_experiments import RelayExperimentRequest
 from service.schemas.step_responses import StepResponseRequest
-from service.settings import Settings
 
 
 def connect(http: httpx.Client) -> Client:

@@ -16,9 +16,9 @@ from real import DASK, MUTUNE, Process, Service, free_port, until
 from samples import tuning
 from serving import served
 
-from service.app import create_app
+from service.configuration import Settings
+from service.http.app import create_app
 from service.jobs import engine
-from service.settings import Settings
 
 
 @pytest.fixture

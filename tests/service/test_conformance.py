@@ -12,8 +12,8 @@ from schemathesis import Case
 from schemathesis.config import SchemathesisConfig
 from serving import served
 
-from service.app import create_app
-from service.settings import Settings
+from service.configuration import Settings
+from service.http.app import create_app
 
 _SHORT = "^/v1/tunings|^/v1/examples|^/v1/controller-forms|^/v1/robustness|z$|^/metrics"
 KEY, SECRET = "0123456789abcdef", "for-this-test-only"

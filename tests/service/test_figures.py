@@ -14,7 +14,7 @@ from archived import PUBLISHED, archived, infeasible, published
 from zoo import COLUMN, ZOO, Case
 
 from service import figures
-from service.figures.answers import figures_to_json
+from service.figures.document import figures_to_json
 from service.figures.tuning import TuningFigures
 from service.schemas.drawn import DrawnCurves
 from service.schemas.peaks import Peak, Peaks

@@ -7,7 +7,7 @@ from collections.abc import AsyncIterator
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from service.json_stream import ArrayReader
+from service.http.json_stream import ArrayReader
 
 JSON = st.recursive(
     st.none() | st.booleans() | st.integers() | st.text(),

@@ -8,7 +8,7 @@ from typing import Any
 import httpx
 import pytest
 
-import service.openapi
+import service.http.openapi
 
 COMMITTED = Path(__file__).parents[2] / "openapi" / "openapi.json"
 
@@ -16,13 +16,13 @@ COMMITTED = Path(__file__).parents[2] / "openapi" / "openapi.json"
 @pytest.fixture(scope="module")
 def document() -> dict[str, Any]:
     """Return the OpenAPI document."""
-    result: dict[str, Any] = json.loads(service.openapi.text())
+    result: dict[str, Any] = json.loads(service.http.openapi.text())
     return result
 
 
 def test_committed_document_is_that_of_the_app() -> None:
-    """openapi/openapi.json is up to date (python -m service.openapi openapi/openapi.json)."""
-    assert COMMITTED.read_text(encoding="utf-8") == service.openapi.text()
+    """openapi/openapi.json is up to date (python -m service.http.openapi openapi/openapi.json)."""
+    assert COMMITTED.read_text(encoding="utf-8") == service.http.openapi.text()
 
 
 def test_served_document_is_the_same(client: httpx.Client, document: dict[str, Any]) -> None:

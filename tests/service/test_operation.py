@@ -16,10 +16,10 @@ from samples import altered, tuning
 from serving import served
 from typer.testing import CliRunner
 
-from service.app import create_app
 from service.cli.commands import app
+from service.configuration import Settings
+from service.http.app import create_app
 from service.jobs import database
-from service.settings import Settings
 
 PATH = "/v1/tunings"
 

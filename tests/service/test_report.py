@@ -18,7 +18,7 @@ from playwright.sync_api import sync_playwright
 from zoo import COLUMN
 
 from service.cli.tuning import tune_file
-from service.report import report_html
+from service.report.document import report_html
 from service.tuned import Tuned
 from solver.certificate import read_certificate, verify
 from solver.certificate.search import prove

@@ -12,23 +12,13 @@ from typing import Any
 from fastapi import Depends, FastAPI
 from fastapi.middleware.cors import CORSMiddleware
 
-import service.openapi
-from service import answers, docs_page
-from service.access import RateLimiter, authenticate
-from service.analyses import Analyses
-from service.jobs import database
-from service.jobs.dispatcher import Dispatcher
-from service.jobs.engine import Engine
-from service.jobs.leadership import lead
-from service.jobs.queue import Queue
-from service.jobs.retention import expire
-from service.jobs.store import Store
-from service.jobs.transactions import Transactions
-from service.jobs.watch import Watcher
-from service.keys import KeyFile
-from service.metrics import Metrics
-from service.middleware import Compressed, Observed, SecurityHeaders
-from service.routes import (
+import service.http.openapi
+from service.configuration import Settings
+from service.http import docs_page, errors
+from service.http.access import RateLimiter, authenticate
+from service.http.metrics import Metrics
+from service.http.middleware import Compressed, Observed, SecurityHeaders
+from service.http.routes import (
     batches,
     controller_forms,
     decouplings,
@@ -44,8 +34,18 @@ from service.routes import (
     step_responses,
     tunings,
 )
-from service.routes.common import problems
-from service.settings import Settings
+from service.http.routes.common import problems
+from service.jobs import database
+from service.jobs.dispatcher import Dispatcher
+from service.jobs.engine import Engine
+from service.jobs.leadership import lead
+from service.jobs.pool import Analyses
+from service.jobs.queue import Queue
+from service.jobs.retention import expire
+from service.jobs.store import Store
+from service.jobs.transactions import Transactions
+from service.jobs.watch import Watcher
+from service.keys import KeyFile
 
 __all__ = ["create_app"]
 
@@ -101,7 +101,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     )
     app.state.settings = settings or Settings()
     app.state.metrics = Metrics()
-    answers.install(app)
+    errors.install(app)
     keys = app.state.settings.api_keys_file
     app.state.keys = None if keys is None else KeyFile(keys)
     app.state.limiter = RateLimiter(app.state.settings.requests_per_minute)
@@ -117,7 +117,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
 
     def openapi() -> dict[str, Any]:
         if app.openapi_schema is None:
-            app.openapi_schema = service.openapi.document(app)
+            app.openapi_schema = service.http.openapi.document(app)
         return app.openapi_schema
 
     app.openapi = openapi  # type: ignore[method-assign]  # FastAPI's way to extend the document

@@ -9,7 +9,7 @@ from importlib.resources import files
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from service import mathml
+from service.report import mathml
 
 __all__ = ["digits", "render", "source"]
 

@@ -10,7 +10,7 @@ import structlog
 from starlette.middleware.gzip import GZipMiddleware
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from service.metrics import Metrics
+from service.http.metrics import Metrics
 
 __all__ = ["Compressed", "Observed", "SecurityHeaders"]
 

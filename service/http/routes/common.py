@@ -8,7 +8,7 @@ from typing import Any, Protocol, TypeVar
 from fastapi import Request, Response
 from pydantic import BaseModel
 
-from service import bodies
+from service.http import bodies
 from service.problems import MEDIA_TYPE, Problem
 
 __all__ = ["analysis", "described", "json_response", "problems"]

@@ -9,14 +9,14 @@ from typing import Annotated
 from fastapi import APIRouter, Path, Query, Request, Response
 from fastapi.responses import StreamingResponse
 
-from service import bodies
-from service.access import owner
+from service.http import bodies
+from service.http.access import owner
+from service.http.json_stream import ArrayReader
+from service.http.routes.common import BODY_PROBLEMS, described, json_response, problems
+from service.http.routes.tunings import IdempotencyKey, accepting, new_job
 from service.jobs.records import FINAL, NewJob
 from service.jobs.records import Batch as BatchRecord
-from service.json_stream import ArrayReader
 from service.problems import BodyTooLargeError, NotFoundError
-from service.routes.common import BODY_PROBLEMS, described, json_response, problems
-from service.routes.tunings import IdempotencyKey, accepting, new_job
 from service.schemas.batches import Batch, BatchRequest, batch_to_json, item_to_json
 from service.schemas.fields import below
 from service.schemas.parsing import Fault, RequestError, parse_tuning_request

@@ -17,11 +17,11 @@ from typing import Any
 
 from markupsafe import Markup
 
-from service import mathml
-from service.figures.answers import plain
+from service.figures.document import plain
 from service.figures.style import Theme, template
 from service.figures.tuning import tuning_figures
-from service.rendering import digits, render, source
+from service.report import mathml
+from service.report.rendering import digits, render, source
 from service.schemas import canonical
 from service.tuned import Tuned
 from service.wording import OBJECTIVES, forms, headline, optimality_text, peak_rows

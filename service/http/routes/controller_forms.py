@@ -6,8 +6,8 @@ import json
 
 from fastapi import APIRouter, Request, Response
 
-from service import bodies
-from service.routes.common import BODY_PROBLEMS, described, json_response, problems
+from service.http import bodies
+from service.http.routes.common import BODY_PROBLEMS, described, json_response, problems
 from service.schemas.controller_forms import (
     ControllerFormsRequest,
     ControllerFormsResult,

@@ -10,7 +10,7 @@ from typing import Any
 from fastapi import APIRouter, Response
 from pydantic import BaseModel, Field
 
-from service.routes.common import described, json_response
+from service.http.routes.common import described, json_response
 
 __all__ = ["router"]
 

@@ -9,11 +9,12 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Query, Request, Response
 from fastapi.responses import HTMLResponse
 
-from service import bodies, computing
+from service import computing
+from service.http import bodies
+from service.http.routes.common import BODY_PROBLEMS, described, json_response, problems
+from service.http.routes.tunings import JobId, find_job
 from service.jobs.records import Job
 from service.problems import ConflictError
-from service.routes.common import BODY_PROBLEMS, described, json_response, problems
-from service.routes.tunings import JobId, find_job
 from service.schemas.drawn import (
     Drawn,
     DrawnDecoupling,

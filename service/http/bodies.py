@@ -77,7 +77,7 @@ def check_media_type(request: Request) -> None:
 def described_body(model: type[BaseModel]) -> dict[str, Any]:
     """Return the OpenAPI description of a required body that `read` parses as `model`.
 
-    The schema carries its parts in ``$defs``; `service.openapi` moves them to the components.
+    The schema carries its parts in ``$defs``; `service.http.openapi` moves them to the components.
     """
     schema = model.model_json_schema(ref_template=REFERENCE)
     return {"requestBody": {"required": True, "content": {"application/json": {"schema": schema}}}}

@@ -1,4 +1,4 @@
-"""The OpenAPI document of the service; ``python -m service.openapi`` writes it to a file."""
+"""The OpenAPI document of the service; ``python -m service.http.openapi`` writes it to a file."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
 
-from service.bodies import REFERENCE
+from service.http.bodies import REFERENCE
 
 __all__ = ["document", "text"]
 
@@ -51,7 +51,7 @@ def _move_to_components(content: dict[str, Any], components: dict[str, Any]) -> 
 
 def text() -> str:
     """Return the committed form of the document."""
-    from service.app import create_app  # noqa: PLC0415 - the app itself imports this module
+    from service.http.app import create_app  # noqa: PLC0415 - the app itself imports this module
 
     return json.dumps(create_app().openapi(), indent=2, ensure_ascii=False) + "\n"
 

@@ -13,13 +13,13 @@ from typing import Annotated
 from fastapi import APIRouter, Header, Path, Query, Request, Response
 from fastapi.responses import StreamingResponse
 
-from service import bodies
-from service.access import owner
+from service.http import bodies
+from service.http.access import owner
+from service.http.routes.common import BODY_PROBLEMS, described, json_response, problems
 from service.jobs.records import FINAL, Ended, Job, JobStatus, NewJob
 from service.jobs.store import IdempotencyConflictError, QueueFullError, Store
 from service.jobs.watch import Watcher
 from service.problems import ConflictError, NotFoundError, RateError
-from service.routes.common import BODY_PROBLEMS, described, json_response, problems
 from service.schemas import TuningRequest, canonical
 from service.schemas.jobs import Job as JobModel
 from service.schemas.jobs import JobList, job_to_json, progress_to_json, summary_to_dict

@@ -9,9 +9,9 @@ from fastapi import APIRouter, Depends, Request, Response
 from prometheus_client import CONTENT_TYPE_LATEST
 from pydantic import BaseModel, Field
 
-from service.access import authenticate
+from service.http.access import authenticate
+from service.http.routes.common import described, json_response, problems
 from service.jobs.transactions import StoreUnavailableError
-from service.routes.common import described, json_response, problems
 
 __all__ = ["router"]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from fastapi import APIRouter, Request, Response
 
 from service import computing
-from service.bodies import described_body
-from service.routes.common import BODY_PROBLEMS, analysis, described, problems
+from service.http.bodies import described_body
+from service.http.routes.common import BODY_PROBLEMS, analysis, described, problems
 from service.schemas.step_responses import (
     StepResponseRequest,
     StepResponseResult,

@@ -1,0 +1,1 @@
+"""The report of a tuning: one HTML file to print, sign and file."""
