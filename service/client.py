@@ -17,17 +17,17 @@ from typing import Any, Self, TypeVar
 import httpx
 from pydantic import BaseModel, ValidationError
 
+from service.analyses.decouple import DecouplingRequest, DecouplingResult
+from service.analyses.integrity import IntegrityRequest, IntegrityResult
+from service.analyses.interaction.models import InteractionRequest, InteractionResult
+from service.analyses.parallel_drives import ParallelDrivesRequest, ParallelDrivesResult
+from service.analyses.relay.models import RelayExperimentRequest, RelayExperimentResult
+from service.analyses.robustness import RobustnessRequest, RobustnessResult
+from service.analyses.step_response import StepResponseRequest, StepResponseResult
 from service.problems import MEDIA_TYPE, Problem
 from service.schemas import TuningRequest, TuningResult
 from service.schemas.batches import Batch
-from service.schemas.decouplings import DecouplingRequest, DecouplingResult
-from service.schemas.integrity import IntegrityRequest, IntegrityResult
-from service.schemas.interaction import InteractionRequest, InteractionResult
 from service.schemas.jobs import Job, JobProgress
-from service.schemas.parallel_drives import ParallelDrivesRequest, ParallelDrivesResult
-from service.schemas.relay_experiments import RelayExperimentRequest, RelayExperimentResult
-from service.schemas.robustness import RobustnessRequest, RobustnessResult
-from service.schemas.step_responses import StepResponseRequest, StepResponseResult
 
 __all__ = ["BatchItem", "Client", "JobEndedError", "ServiceError", "ServiceUnreachableError"]
 

@@ -12,14 +12,14 @@ from __future__ import annotations
 from datetime import UTC, datetime
 from typing import Any
 
-from service.schemas.decouplings import DecouplingRequest, decoupling_to_json
+from service.analyses.decouple import DecouplingRequest, decoupling_to_json
+from service.analyses.integrity import IntegrityRequest, integrity_to_json
+from service.analyses.interaction.models import InteractionRequest, interaction_to_json
+from service.analyses.parallel_drives import ParallelDrivesRequest, parallel_drives_to_json
+from service.analyses.relay.models import RelayExperimentRequest, relay_experiment_to_json
+from service.analyses.robustness import RobustnessRequest, robustness_to_json
+from service.analyses.step_response import StepResponseRequest, step_response_to_json
 from service.schemas.drawn import Drawn
-from service.schemas.integrity import IntegrityRequest, integrity_to_json
-from service.schemas.interaction import InteractionRequest, interaction_to_json
-from service.schemas.parallel_drives import ParallelDrivesRequest, parallel_drives_to_json
-from service.schemas.relay_experiments import RelayExperimentRequest, relay_experiment_to_json
-from service.schemas.robustness import RobustnessRequest, robustness_to_json
-from service.schemas.step_responses import StepResponseRequest, step_response_to_json
 from service.tuned import Tuned
 
 __all__ = [

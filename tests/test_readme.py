@@ -12,12 +12,12 @@ import pytest
 from readme import README, blocks, rows
 from touring import ROOT
 
+from service.analyses.robustness import RobustnessRequest
 from service.cli import app
 from service.client import Client
 from service.schemas import TuningRequest, TuningResult
 from service.schemas.controllers import ControllerChoice
 from service.schemas.parsing import parse
-from service.schemas.robustness import RobustnessRequest
 from service.schemas.tunings import Search
 
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])

@@ -10,9 +10,9 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from service.analyses.decouple import DecouplingRequest, DecouplingResult, decoupling_to_json
 from service.cli.analysis import answer, matrix_table
 from service.cli.outcomes import ExitCode, reported
-from service.schemas.decouplings import DecouplingRequest, DecouplingResult, decoupling_to_json
 from service.wording import number
 from solver.interaction.decoupling import decouple
 

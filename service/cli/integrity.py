@@ -10,14 +10,14 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from service.cli.analysis import answer
-from service.cli.outcomes import ExitCode, reported
-from service.schemas.integrity import (
+from service.analyses.integrity import (
     Detuning,
     IntegrityRequest,
     IntegrityResult,
     integrity_to_json,
 )
+from service.cli.analysis import answer
+from service.cli.outcomes import ExitCode, reported
 from service.schemas.peaks import Peak
 from service.wording import number, units_text
 from solver.robustness.integrity import integrity

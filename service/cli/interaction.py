@@ -10,9 +10,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from service.cli.analysis import answer, matrix_table
-from service.cli.outcomes import ExitCode, reported
-from service.schemas.interaction import (
+from service.analyses.interaction.models import (
     InteractionRequest,
     InteractionResult,
     LoopEffectResult,
@@ -21,6 +19,8 @@ from service.schemas.interaction import (
     TransmissionZeros,
     interaction_to_json,
 )
+from service.cli.analysis import answer, matrix_table
+from service.cli.outcomes import ExitCode, reported
 from service.wording import number
 from solver.interaction.analysis import analyse_interaction
 from solver.interaction.loop_effect import loop_effect

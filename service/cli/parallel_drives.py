@@ -10,13 +10,13 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from service.cli.analysis import answer
-from service.cli.outcomes import ExitCode, reported
-from service.schemas.parallel_drives import (
+from service.analyses.parallel_drives import (
     ParallelDrivesRequest,
     ParallelDrivesResult,
     parallel_drives_to_json,
 )
+from service.cli.analysis import answer
+from service.cli.outcomes import ExitCode, reported
 from service.wording import number
 from solver.interaction.drive_simulation import simulate_drives
 from solver.interaction.parallel_drives import analyse_drives

@@ -11,9 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 import solver.relay
-from service.cli.analysis import answer
-from service.cli.outcomes import ExitCode, reported
-from service.schemas.relay_experiments import (
+from service.analyses.relay.models import (
     LimitCycle,
     PeriodicSolution,
     Regime,
@@ -22,6 +20,8 @@ from service.schemas.relay_experiments import (
     RelayTheory,
     relay_experiment_to_json,
 )
+from service.cli.analysis import answer
+from service.cli.outcomes import ExitCode, reported
 from service.wording import number
 
 __all__ = ["relay_file"]

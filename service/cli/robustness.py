@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from service.analyses.robustness import RobustnessRequest, RobustnessResult
 from service.cli.analysis import answer
 from service.cli.outcomes import ExitCode, reported
 from service.cli.tables import robustness_table
 from service.computing import robustness
-from service.schemas.robustness import RobustnessRequest, RobustnessResult
 
 __all__ = ["analyse_file"]
 

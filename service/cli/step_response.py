@@ -10,13 +10,13 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from service.cli.analysis import answer
-from service.cli.outcomes import ExitCode, reported
-from service.schemas.step_responses import (
+from service.analyses.step_response import (
     StepResponseRequest,
     StepResponseResult,
     step_response_to_json,
 )
+from service.cli.analysis import answer
+from service.cli.outcomes import ExitCode, reported
 from service.wording import number, units_text
 
 __all__ = ["simulate_file"]

@@ -17,8 +17,8 @@ from service.wording import forms, number, optimality_text, units_text
 from solver.model.controllers import Controller
 
 if TYPE_CHECKING:  # a tuning need not wait for them
+    from service.analyses.robustness import RobustnessResult
     from service.schemas.margins import LoopMargins
-    from service.schemas.robustness import RobustnessResult
 
 __all__ = ["robustness_table", "side_by_side", "tuning_table"]
 

@@ -14,9 +14,9 @@ from samples import ROBUSTNESS, TUNING, altered
 from typer.testing import CliRunner, Result
 
 import solver.tuning
+from service.analyses.robustness import RobustnessResult
 from service.cli import app
 from service.schemas import TuningResult
-from service.schemas.robustness import RobustnessResult
 from solver.model.controllers import Controller
 from solver.tuning import Specification
 from solver.tuning.record import LocalOptimum, Progress, SearchSummary, Status, Tuning

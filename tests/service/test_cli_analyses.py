@@ -12,12 +12,12 @@ from pydantic import BaseModel
 from samples import altered
 from typer.testing import CliRunner, Result
 
+from service.analyses.decouple import DecouplingResult
+from service.analyses.interaction.models import InteractionRequest, InteractionResult
+from service.analyses.parallel_drives import ParallelDrivesResult
 from service.cli import app
 from service.cli.analysis import answer
 from service.cli.outcomes import ExitCode, reported
-from service.schemas.decouplings import DecouplingResult
-from service.schemas.interaction import InteractionRequest, InteractionResult
-from service.schemas.parallel_drives import ParallelDrivesResult
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 COMMANDS: dict[str, tuple[str, type[BaseModel]]] = {

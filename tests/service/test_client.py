@@ -14,18 +14,18 @@ from pydantic import BaseModel
 from samples import ROBUSTNESS, altered, tuning
 from serving import served
 
+from service.analyses.decouple import DecouplingRequest
+from service.analyses.integrity import IntegrityRequest
+from service.analyses.interaction.models import InteractionRequest
+from service.analyses.parallel_drives import ParallelDrivesRequest
+from service.analyses.relay.models import RelayExperimentRequest
+from service.analyses.step_response import StepResponseRequest
 from service.client import Client, JobEndedError, ServiceError, ServiceUnreachableError
 from service.configuration import Settings
 from service.http.app import create_app
 from service.keys import KeyFile, Scope
 from service.schemas import TuningRequest
-from service.schemas.decouplings import DecouplingRequest
-from service.schemas.integrity import IntegrityRequest
-from service.schemas.interaction import InteractionRequest
 from service.schemas.jobs import JobProgress
-from service.schemas.parallel_drives import ParallelDrivesRequest
-from service.schemas.relay_experiments import RelayExperimentRequest
-from service.schemas.step_responses import StepResponseRequest
 
 
 def connect(http: httpx.Client) -> Client:

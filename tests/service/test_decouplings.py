@@ -7,7 +7,7 @@ import httpx
 import pytest
 from samples import altered
 
-from service.schemas.decouplings import DecouplingResult
+from service.analyses.decouple import DecouplingResult
 
 PATH = "/v1/decouplings"
 EXAMPLES = Path(__file__).parents[2] / "examples"

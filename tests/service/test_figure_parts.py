@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 from service import figures
+from service.analyses.parallel_drives import EXAMPLE as DRIVES
+from service.analyses.parallel_drives import ParallelDrivesRequest
 from service.computing import parallel_drives as simulate_drives
 from service.figures.style import (
     BACKGROUNDS,
@@ -30,8 +32,6 @@ from service.schemas.drawn import (
     DrawnRelayExperiment,
     DrawnStepResponse,
 )
-from service.schemas.parallel_drives import EXAMPLE as DRIVES
-from service.schemas.parallel_drives import ParallelDrivesRequest
 from service.schemas.trade_off import TradeOff, TradeOffPoint
 from solver.interaction.analysis import analyse_interaction
 from solver.interaction.decoupling import DecouplingSpecification, decouple

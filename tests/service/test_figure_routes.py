@@ -11,12 +11,12 @@ import pytest
 from fake_tune import SLOW
 from samples import ROBUSTNESS, altered, tuning
 
-from service.schemas.decouplings import EXAMPLE as DECOUPLING
+from service.analyses.decouple import EXAMPLE as DECOUPLING
+from service.analyses.interaction.models import EXAMPLE as INTERACTION
+from service.analyses.parallel_drives import EXAMPLE as DRIVES
+from service.analyses.relay.models import EXAMPLE as RELAY
+from service.analyses.step_response import EXAMPLE as STEPS
 from service.schemas.figures import FiguresResult
-from service.schemas.interaction import EXAMPLE as INTERACTION
-from service.schemas.parallel_drives import EXAMPLE as DRIVES
-from service.schemas.relay_experiments import EXAMPLE as RELAY
-from service.schemas.step_responses import EXAMPLE as STEPS
 
 
 @pytest.fixture(scope="module")

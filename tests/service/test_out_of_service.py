@@ -7,8 +7,8 @@ import pytest
 from samples import ROBUSTNESS, altered
 from typer.testing import CliRunner
 
+from service.analyses.integrity import IntegrityResult
 from service.cli.commands import app
-from service.schemas.integrity import IntegrityResult
 
 PATH = "/v1/integrity"
 

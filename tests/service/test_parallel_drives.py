@@ -7,7 +7,7 @@ import httpx
 import pytest
 from samples import altered
 
-from service.schemas.parallel_drives import ParallelDrivesResult
+from service.analyses.parallel_drives import ParallelDrivesResult
 
 PATH = "/v1/parallel-drives"
 EXAMPLES = Path(__file__).parents[2] / "examples"

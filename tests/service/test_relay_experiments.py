@@ -8,9 +8,9 @@ import httpx
 import pytest
 from samples import altered
 
+from service.analyses.relay.models import EXAMPLE, RelayExperimentRequest, RelayExperimentResult
 from service.cli.relay import relay_file
 from service.schemas.parsing import parse
-from service.schemas.relay_experiments import EXAMPLE, RelayExperimentRequest, RelayExperimentResult
 
 PATH = "/v1/relay-experiments"
 REQUEST: dict[str, Any] = {**EXAMPLE, "duration": 20.0, "samples": 201}

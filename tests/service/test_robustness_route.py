@@ -4,7 +4,7 @@ import httpx
 import pytest
 from samples import ROBUSTNESS, altered
 
-from service.schemas.robustness import RobustnessResult
+from service.analyses.robustness import RobustnessResult
 
 PATH = "/v1/robustness"
 

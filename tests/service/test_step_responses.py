@@ -8,9 +8,9 @@ import httpx
 import pytest
 from samples import altered
 
+from service.analyses.step_response import EXAMPLE, StepResponseRequest, StepResponseResult
 from service.cli.step_response import simulate_file
 from service.schemas.parsing import parse
-from service.schemas.step_responses import EXAMPLE, StepResponseRequest, StepResponseResult
 
 PATH = "/v1/step-responses"
 REQUEST: dict[str, Any] = {**EXAMPLE, "duration": 120.0, "samples": 121}

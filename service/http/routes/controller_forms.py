@@ -6,13 +6,13 @@ import json
 
 from fastapi import APIRouter, Request, Response
 
-from service.http import bodies
-from service.http.routes.common import BODY_PROBLEMS, described, json_response, problems
-from service.schemas.controller_forms import (
+from service.analyses.controller_forms import (
     ControllerFormsRequest,
     ControllerFormsResult,
     controller_forms_to_json,
 )
+from service.http import bodies
+from service.http.routes.common import BODY_PROBLEMS, described, json_response, problems
 
 __all__ = ["router"]
 

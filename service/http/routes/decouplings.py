@@ -5,9 +5,9 @@ from __future__ import annotations
 from fastapi import APIRouter, Request, Response
 
 from service import computing
+from service.analyses.decouple import DecouplingRequest, DecouplingResult
 from service.http.bodies import described_body
 from service.http.routes.common import BODY_PROBLEMS, analysis, described, problems
-from service.schemas.decouplings import DecouplingRequest, DecouplingResult
 
 __all__ = ["router"]
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from fastapi import APIRouter, Request, Response
 
 from service import computing
+from service.analyses.integrity import IntegrityRequest, IntegrityResult
 from service.http.bodies import described_body
 from service.http.routes.common import BODY_PROBLEMS, analysis, described, problems
-from service.schemas.integrity import IntegrityRequest, IntegrityResult
 
 __all__ = ["router"]
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from fastapi import APIRouter, Request, Response
 
 from service import computing
-from service.http.bodies import described_body
-from service.http.routes.common import BODY_PROBLEMS, analysis, described, problems
-from service.schemas.relay_experiments import (
+from service.analyses.relay.models import (
     RelayExperimentRequest,
     RelayExperimentResult,
 )
+from service.http.bodies import described_body
+from service.http.routes.common import BODY_PROBLEMS, analysis, described, problems
 
 __all__ = ["router"]
 

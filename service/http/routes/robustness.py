@@ -5,9 +5,9 @@ from __future__ import annotations
 from fastapi import APIRouter, Request, Response
 
 from service import computing
+from service.analyses.robustness import RobustnessRequest, RobustnessResult
 from service.http.bodies import described_body
 from service.http.routes.common import BODY_PROBLEMS, analysis, described, problems
-from service.schemas.robustness import RobustnessRequest, RobustnessResult
 
 __all__ = ["router"]
 

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import ConfigDict, Field, JsonValue
 
+from service.analyses.interaction.models import IntegralControllability
 from service.schemas.encoding import encode
 from service.schemas.fields import ResultModel
 from service.schemas.given_loops import EXAMPLE, GivenLoops, LoopsTask
-from service.schemas.interaction import IntegralControllability
 from service.schemas.peaks import Peak
 
 if TYPE_CHECKING:

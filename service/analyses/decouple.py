@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, JsonValue
 
-from service.schemas.controller_forms import ParallelForm
+from service.analyses.controller_forms import ParallelForm
 from service.schemas.drawn import Complex
 from service.schemas.encoding import encode
 from service.schemas.fields import RequestModel, below
