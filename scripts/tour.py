@@ -20,8 +20,10 @@ import httpx
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
+from service.cli.console import to_rich
 from service.cli.tables import side_by_side
 from service.client import Client, JobEndedError, ServiceUnreachableError
+from service.printing import Grid
 from service.schemas import TuningResult
 from service.wording import number
 
@@ -49,7 +51,7 @@ def main() -> int:
     url = f"http://{HOST}:{port}"
     try:
         with serving(url, port) as process:
-            console.print(tour(url))
+            console.print(to_rich([tour(url)]))
             console.print(f"\nPage:              {url}/")
             console.print(f"API documentation: {url}/docs")
             if once:
@@ -114,7 +116,7 @@ def wait_until_ready(url: str, process: subprocess.Popen[bytes]) -> None:
     raise ServiceStoppedError
 
 
-def tour(url: str) -> object:
+def tour(url: str) -> Grid:
     """Tune the example with identical and with independent settings; return the table."""
     request = json.loads(EXAMPLE.read_text())
     results: dict[str, TuningResult] = {}

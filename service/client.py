@@ -12,21 +12,17 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from types import TracebackType
-from typing import Any, Self, TypeVar
+from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 import httpx
 from pydantic import BaseModel, ValidationError
 
-from service.analyses.decouple import DecouplingRequest, DecouplingResult
-from service.analyses.integrity import IntegrityRequest, IntegrityResult
-from service.analyses.interaction.models import InteractionRequest, InteractionResult
-from service.analyses.parallel_drives import ParallelDrivesRequest, ParallelDrivesResult
-from service.analyses.relay.models import RelayExperimentRequest, RelayExperimentResult
-from service.analyses.robustness import RobustnessRequest, RobustnessResult
-from service.analyses.step_response import StepResponseRequest, StepResponseResult
+from service import registry
+from service.analysis import Analysis
 from service.problems import MEDIA_TYPE, Problem
 from service.schemas import TuningRequest, TuningResult
 from service.schemas.batches import Batch
+from service.schemas.fields import AnalysisRequest
 from service.schemas.jobs import Job, JobProgress
 
 __all__ = ["BatchItem", "Client", "JobEndedError", "ServiceError", "ServiceUnreachableError"]
@@ -37,6 +33,7 @@ _RETRY = 0.5
 _TRANSIENT = {502, 503, 504}  # what the service, or a proxy before it, says while it restarts
 
 OnProgress = Callable[[JobProgress], None]
+_Request = TypeVar("_Request", bound=AnalysisRequest)
 _Result = TypeVar("_Result", bound=BaseModel)
 
 
@@ -226,43 +223,30 @@ class Client:
     def _batch(self, batch_id: str) -> Batch:
         return Batch.model_validate_json(self._send("GET", f"/v1/batches/{batch_id}").content)
 
-    def robustness(self, request: RobustnessRequest | Mapping[str, Any]) -> RobustnessResult:
-        """Analyse given loop settings."""
-        return self._analysis("/v1/robustness", request, RobustnessResult)
-
-    def integrity(self, request: IntegrityRequest | Mapping[str, Any]) -> IntegrityResult:
-        """Analyse given loop settings with every set of loops in manual."""
-        return self._analysis("/v1/integrity", request, IntegrityResult)
-
-    def interaction(self, request: InteractionRequest | Mapping[str, Any]) -> InteractionResult:
-        """Analyse how the loops of a plant interact, and how to pair them."""
-        return self._analysis("/v1/interaction", request, InteractionResult)
-
-    def decoupling(self, request: DecouplingRequest | Mapping[str, Any]) -> DecouplingResult:
-        """Return a static decoupler and PI settings for it."""
-        return self._analysis("/v1/decouplings", request, DecouplingResult)
-
-    def parallel_drives(
-        self, request: ParallelDrivesRequest | Mapping[str, Any]
-    ) -> ParallelDrivesResult:
-        """Analyse and simulate units with integral action on one load."""
-        return self._analysis("/v1/parallel-drives", request, ParallelDrivesResult)
-
-    def step_response(self, request: StepResponseRequest | Mapping[str, Any]) -> StepResponseResult:
-        """Simulate a plant with any of its loops closed."""
-        return self._analysis("/v1/step-responses", request, StepResponseResult)
-
-    def relay_experiment(
-        self, request: RelayExperimentRequest | Mapping[str, Any]
-    ) -> RelayExperimentResult:
-        """Simulate a relay experiment and read settings off it."""
-        return self._analysis("/v1/relay-experiments", request, RelayExperimentResult)
-
-    def _analysis(
-        self, path: str, request: BaseModel | Mapping[str, Any], result: type[_Result]
+    def analyse(
+        self, analysis: Analysis[_Request, _Result], request: _Request | Mapping[str, Any]
     ) -> _Result:
-        response = self._send("POST", path, _document(request))
-        return result.model_validate_json(response.content)
+        """Return the result of an analysis; each is also a method of its own name.
+
+        Parameters
+        ----------
+        analysis : Analysis
+            The `ANALYSIS` of a module in `service.analyses`.
+        request : model or mapping
+            The request, or its JSON object.
+
+        Raises
+        ------
+        ServiceError, ServiceUnreachableError
+            See there.
+
+        """
+        response = self._send("POST", analysis.path, _document(request))
+        return analysis.result.model_validate_json(response.content)
+
+    if TYPE_CHECKING:  # the methods of the analyses are added below
+
+        def __getattr__(self, name: str) -> Callable[[BaseModel | Mapping[str, Any]], Any]: ...
 
     def _send(
         self,
@@ -286,6 +270,24 @@ class Client:
                 response.read()
             _check(response)
             yield from response.iter_lines()
+
+
+def _method(analysis: Analysis[Any, Any]) -> Callable[..., Any]:
+    def method(self: Client, request: BaseModel | Mapping[str, Any]) -> Any:  # noqa: ANN401 - of each its own
+        return self.analyse(analysis, request)
+
+    method.__name__ = analysis.name
+    method.__qualname__ = f"{Client.__qualname__}.{analysis.name}"
+    method.__doc__ = f"{analysis.summary}.\n\n{analysis.description}"
+    method.__annotations__ |= {
+        "request": analysis.request | Mapping[str, Any],
+        "return": analysis.result,
+    }
+    return method
+
+
+for _analysis in registry.every():
+    setattr(Client, _analysis.name, _method(_analysis))
 
 
 class BatchItem(BaseModel):

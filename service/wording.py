@@ -32,9 +32,9 @@ _PEAKS = (
 )
 
 
-def number(value: float | None) -> str:
-    """Return `value` with five digits, or a dash."""
-    return "-" if value is None else f"{value:.5g}"
+def number(value: float | None, digits: int = 5) -> str:
+    """Return `value` with so many significant digits, or a dash."""
+    return "-" if value is None else f"{value:.{digits}g}"
 
 
 def headline(result: TuningResult, unit: str = TIME_UNIT) -> str:

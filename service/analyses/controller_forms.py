@@ -1,4 +1,7 @@
-"""Controllers in the forms that control systems ask for, as JSON."""
+"""Convert controllers to other forms.
+
+Return the ideal and parallel forms of controllers in cascade form.
+"""
 
 from __future__ import annotations
 
@@ -7,14 +10,16 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, JsonValue
 
-from service.schemas.controllers import Loop
+from service.analysis import Analysis
+from service.printing import Part, form_parts
+from service.schemas.controllers import IdealForm, Loop, ParallelForm
 from service.schemas.encoding import encode
-from service.schemas.fields import RequestModel, below
+from service.schemas.fields import AnalysisRequest, below
 from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError
 from solver.model.plants import MAX_UNITS
 
-__all__ = ["ControllerFormsRequest", "ControllerFormsResult", "controller_forms_to_json"]
+__all__ = ["ANALYSIS", "ControllerFormsRequest", "ControllerFormsResult"]
 
 _LOOPS: JsonValue = [
     {"gain": 46.3, "integral_time": 101.0, "derivative_time": None},
@@ -22,7 +27,7 @@ _LOOPS: JsonValue = [
 ]
 
 
-class ControllerFormsRequest(RequestModel):
+class ControllerFormsRequest(AnalysisRequest):
     """Ask for the ideal and parallel forms of controllers."""
 
     loops: Annotated[tuple[Loop, ...], Field(min_length=1, max_length=MAX_UNITS)] = Field(
@@ -45,24 +50,6 @@ class ControllerFormsRequest(RequestModel):
             with below(f"/loops/{index}"):
                 loops.append(loop.build())
         return tuple(loops)
-
-
-class IdealForm(BaseModel):
-    """Ideal (ISA) form, K (1 + 1/(T_i s) + T_d s/(1 + T_f s))."""
-
-    gain: float = Field(description="K.", examples=[46.3])
-    integral_time: float = Field(description="T_i.", examples=[101.0])
-    derivative_time: float = Field(description="T_d; 0 for PI.", examples=[0.0])
-    filter_time: float = Field(description="T_f.", examples=[0.0])
-
-
-class ParallelForm(BaseModel):
-    """Parallel form, K_p + K_i/s + K_d s/(1 + T_f s)."""
-
-    proportional_gain: float = Field(description="K_p.", examples=[46.3])
-    integral_gain: float = Field(description="K_i.", examples=[0.458])
-    derivative_gain: float = Field(description="K_d; 0 for PI.", examples=[0.0])
-    filter_time: float = Field(description="T_f.", examples=[0.0])
 
 
 class ControllerForms(BaseModel):
@@ -100,9 +87,9 @@ class ControllerFormsResult(BaseModel):
     )
 
 
-def controller_forms_to_json(loops: tuple[Controller, ...]) -> dict[str, Any]:
-    """Return the forms of `loops` as the JSON object that `ControllerFormsResult` describes."""
-    return {"forms": [_forms(loop) for loop in loops]}
+def compute(request: ControllerFormsRequest) -> dict[str, Any]:
+    """Return the forms of the request's controllers."""
+    return {"forms": [_forms(loop) for loop in request.build()]}
 
 
 def _forms(loop: Controller) -> dict[str, Any]:
@@ -112,3 +99,22 @@ def _forms(loop: Controller) -> dict[str, Any]:
     except InvalidInputError as error:
         reason = error.message
     return {"cascade": encode(asdict(loop)), "ideal": ideal, "parallel": parallel, "reason": reason}
+
+
+def table(result: ControllerFormsResult) -> list[Part]:
+    """Return the controllers in each form."""
+    loops = [(str(index + 1), each.cascade.build()) for index, each in enumerate(result.forms)]
+    return list(form_parts(loops))
+
+
+ANALYSIS = Analysis(
+    name="controller_forms",
+    resource="controller-forms",
+    text=__doc__,
+    outcome="The forms.",
+    request=ControllerFormsRequest,
+    result=ControllerFormsResult,
+    compute=compute,
+    table=table,
+    immediate=True,
+)

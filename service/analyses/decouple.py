@@ -1,4 +1,9 @@
-"""A decoupling request and its result as JSON."""
+"""Decouple a plant statically and design its loops.
+
+Return a static decoupler, PI settings with the greatest integral gain, and responses.
+"""
+
+# ruff: noqa: PLC0415 - what computes and draws is imported in the processes that do
 
 from __future__ import annotations
 
@@ -6,18 +11,21 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, JsonValue
 
-from service.analyses.controller_forms import ParallelForm
-from service.schemas.drawn import Complex
+from service.analysis import Analysis, Figures
+from service.printing import Grid, Line, Part, matrix, warning_lines
+from service.schemas.controllers import ParallelForm
+from service.schemas.drawn import Complex, DrawnDecoupling
 from service.schemas.encoding import encode
-from service.schemas.fields import RequestModel, below
+from service.schemas.fields import AnalysisRequest, RequestModel, below
 from service.schemas.frequencies import Frequencies, ascending
 from service.schemas.peaks import Peak
 from service.schemas.plants import Plant
-from solver.interaction.decoupling import Decoupling, DecouplingSpecification
+from service.wording import number
+from solver.interaction.decoupling import DecouplingSpecification
 from solver.interaction.loop_shape import RobustnessLimits
 from solver.model.plants import MAX_MATRIX_SIZE
 
-__all__ = ["DecouplingRequest", "DecouplingResult", "decoupling_to_json"]
+__all__ = ["ANALYSIS", "DecouplingRequest", "DecouplingResult"]
 
 _WOOD_BERRY: JsonValue = {
     "kind": "matrix",
@@ -58,7 +66,7 @@ class DesignLimits(RequestModel):
         return RobustnessLimits(self.max_sensitivity, self.max_complementary)
 
 
-class DecouplingRequest(RequestModel):
+class DecouplingRequest(AnalysisRequest):
     """Ask for a static decoupler and PI settings of the decoupled loops."""
 
     plant: Plant = Field(
@@ -192,7 +200,70 @@ class DecouplingResult(BaseModel):
     warnings: list[str] = Field(description="What to look at twice.", examples=[[]])
 
 
-def decoupling_to_json(decoupling: Decoupling) -> dict[str, Any]:
-    """Return the result as the JSON object that `DecouplingResult` describes."""
-    document: dict[str, Any] = encode(decoupling)
+def compute(request: DecouplingRequest) -> dict[str, Any]:
+    """Return the decoupling of the request's plant."""
+    from solver.interaction.decoupling import decouple
+
+    document: dict[str, Any] = encode(decouple(request.build()))
     return document
+
+
+def table(result: DecouplingResult) -> list[Part]:
+    """Return the decoupler, its loops and what they do together."""
+    parts: list[Part] = [
+        matrix("Decoupler u = D u'", result.decoupler, "input", "controller"),
+        _loops(result),
+    ]
+    if result.closed_loop is not None:
+        stable = "stable" if result.closed_loop.stable else "UNSTABLE"
+        parts += [
+            matrix("Interaction index", result.closed_loop.indices, "output", "set point"),
+            matrix("Peak of |H|", result.closed_loop.exact_peaks, "output", "set point"),
+            Line(f"The loops together are {stable}."),
+        ]
+    return [*parts, *warning_lines(result.warnings)]
+
+
+def _loops(result: DecouplingResult) -> Grid:
+    rows = []
+    for index, (loop, weight) in enumerate(
+        zip(result.loops, result.set_point_weights, strict=True)
+    ):
+        gains = loop.gains
+        rows.append(
+            (
+                str(index + 1),
+                number(None if gains is None else gains.proportional_gain),
+                number(None if gains is None else gains.integral_gain),
+                number(weight),
+                number(None if loop.sensitivity is None else loop.sensitivity.value),
+                number(None if loop.complementary is None else loop.complementary.value),
+                loop.status,
+                number(loop.greatest_integral_gain),
+            )
+        )
+    return Grid(("Loop", "Kp", "Ki", "b", "Ms", "Mt", "design", "greatest Ki"), rows)
+
+
+def draw(result: DrawnDecoupling, unit: str) -> dict[str, Any]:
+    """Return the responses of the decoupled loops."""
+    from service.figures.decoupling import decoupled
+    from service.figures.document import figures_to_json
+
+    if result.closed_loop is None:
+        return figures_to_json({}, {"decoupled": "a loop is unbounded"})
+    return figures_to_json({"decoupled": decoupled(result.closed_loop, unit)})
+
+
+ANALYSIS = Analysis(
+    name="decoupling",
+    resource="decouplings",
+    text=__doc__,
+    outcome="The decoupler and its loops.",
+    request=DecouplingRequest,
+    result=DecouplingResult,
+    compute=compute,
+    computes_with=("solver.interaction.decoupling",),
+    table=table,
+    figures=Figures(of="a decoupling", drawn=DrawnDecoupling, draw=draw),
+)

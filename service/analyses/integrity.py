@@ -1,21 +1,26 @@
-"""Loops out of service as JSON."""
+"""Analyse loops out of service.
+
+Return stability and robustness with every set of loops in service, others in manual.
+"""
+
+# ruff: noqa: PLC0415 - what computes and draws is imported in the processes that do
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pydantic import ConfigDict, Field, JsonValue
 
-from service.analyses.interaction.models import IntegralControllability
+from service.analysis import Analysis
+from service.printing import Grid, Line, Part
 from service.schemas.encoding import encode
 from service.schemas.fields import ResultModel
 from service.schemas.given_loops import EXAMPLE, GivenLoops, LoopsTask
+from service.schemas.integral_controllability import IntegralControllability
 from service.schemas.peaks import Peak
+from service.wording import number, units_text
 
-if TYPE_CHECKING:
-    from solver.robustness.integrity import Integrity
-
-__all__ = ["IntegrityRequest", "IntegrityResult", "integrity_to_json"]
+__all__ = ["ANALYSIS", "IntegrityRequest", "IntegrityResult"]
 
 _PEAK: JsonValue = {"value": 0.54, "omega": 0.97}
 _CLASS: JsonValue = {
@@ -36,6 +41,9 @@ _SUMMARY = (
     "loops out of service: of 3 sets of loops in service all stable, all robustly stable, "
     "1 with robust performance"
 )
+
+
+_SHOWN = 15  # kinds of sets worth a line; all of them are in the JSON result
 
 
 class IntegrityRequest(GivenLoops):
@@ -126,7 +134,74 @@ class IntegrityResult(ResultModel):
     )
 
 
-def integrity_to_json(integrity: Integrity) -> dict[str, Any]:
-    """Return the result as the JSON object that `IntegrityResult` describes."""
-    document: dict[str, Any] = encode(integrity)
-    return {"stable": integrity.stable, "summary": integrity.summary, **document}
+def compute(request: IntegrityRequest) -> dict[str, Any]:
+    """Return the integrity of the request's loops."""
+    from solver.robustness.integrity import integrity
+
+    task = request.build()
+    found = integrity(task.plant, task.uncertainty, task.performance, task.loops)
+    document: dict[str, Any] = encode(found)
+    return {"stable": found.stable, "summary": found.summary, **document}
+
+
+def table(result: IntegrityResult) -> list[Part]:
+    """Return the kinds of sets of loops in service, and what detuning does."""
+    heads = [
+        *(f"in service of {units_text(group)}" for group in result.groups),
+        "sets",
+        "stable",
+        "robust stability",
+        "robust performance",
+    ]
+    rows = [
+        (
+            *map(str, kind.in_service),
+            f"{kind.subsets:,}" if kind.subsets < 10**9 else f"{float(kind.subsets):.2g}",
+            "yes" if kind.nominally_stable else "no",
+            _peak(kind.robust_stability),
+            _peak(kind.robust_performance),
+        )
+        for kind in result.classes[:_SHOWN]
+    ]
+    parts: list[Part] = [
+        Line(result.summary.capitalize() + ".", "strong" if result.stable else "alarm"),
+        Grid(heads, rows, frozenset()),
+    ]
+    hidden = len(result.classes) - _SHOWN
+    if hidden > 0:
+        parts.append(Line(f"{hidden} more kinds of sets are in the JSON result (--json)."))
+    if result.detuning is not None:
+        parts.append(Line(_detuned(result.detuning)))
+    if result.controllability is not None:
+        verdict = result.controllability.verdict
+        parts.append(Line(f"Decentralised integral control with any gains reduced: {verdict}."))
+    return parts
+
+
+def _peak(peak: Peak | None) -> str:
+    return number(None if peak is None else peak.value)
+
+
+def _detuned(detuning: Detuning) -> str:
+    factors = ", ".join(f"{factor:g}" for factor in detuning.factors)
+    alike = ", the loops of a group alike" if detuning.by_group else ""
+    found = "none" if detuning.unstable == 0 else str(detuning.unstable)
+    text = (
+        f"Gains times {factors}{alike}: of {detuning.combinations} combinations {found} unstable."
+    )
+    if detuning.example is not None:
+        text += f" One is ({', '.join(f'{factor:g}' for factor in detuning.example)})."
+    return text
+
+
+ANALYSIS = Analysis(
+    name="integrity",
+    resource="integrity",
+    text=__doc__,
+    outcome="The analysis.",
+    request=IntegrityRequest,
+    result=IntegrityResult,
+    compute=compute,
+    computes_with=("solver.robustness.integrity",),
+    table=table,
+)

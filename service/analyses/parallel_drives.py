@@ -1,4 +1,9 @@
-"""A request about units in parallel on one load, and its result, as JSON."""
+"""Analyse units with integral action on one load.
+
+Return the integrator modes that are free, what mends them, and both in simulation.
+"""
+
+# ruff: noqa: PLC0415 - what computes and draws is imported in the processes that do
 
 from __future__ import annotations
 
@@ -6,29 +11,26 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, JsonValue
 
-from service.schemas.drawn import Complex
+from service.analysis import Analysis, Figures
+from service.printing import Grid, Line, Part
+from service.schemas.drawn import Complex, DrawnParallelDrives
 from service.schemas.encoding import encode
-from service.schemas.fields import PositiveTime, RequestModel, below
+from service.schemas.fields import AnalysisRequest, PositiveTime, RequestModel, below
 from service.schemas.plants import TransferFunction
+from service.wording import number
 from solver.interaction.drive_simulation import (
     MAX_POINTS,
     DriveExperiment,
     DriveScenario,
-    DriveSimulation,
 )
 from solver.interaction.parallel_drives import (
     MAX_DRIVES,
     Drive,
-    DriveAnalysis,
     ParallelDrives,
 )
 from solver.model.transfer_function import LARGEST
 
-__all__ = [
-    "ParallelDrivesRequest",
-    "ParallelDrivesResult",
-    "parallel_drives_to_json",
-]
+__all__ = ["ANALYSIS", "ParallelDrivesRequest", "ParallelDrivesResult"]
 
 _LOAD: JsonValue = {"num": [1.0], "den": [1.0, 0.1], "dead_time": 0.0}
 _DRIVE: JsonValue = {"proportional_gain": 1.0, "integral_gain": 0.5}
@@ -103,7 +105,7 @@ class Scenario(RequestModel):
         )
 
 
-class ParallelDrivesRequest(RequestModel):
+class ParallelDrivesRequest(AnalysisRequest):
     """Ask what integral action does in units that act on one load."""
 
     load: TransferFunction = Field(
@@ -272,6 +274,55 @@ class ParallelDrivesResult(BaseModel):
     )
 
 
-def parallel_drives_to_json(analysis: DriveAnalysis, simulation: DriveSimulation) -> dict[str, Any]:
-    """Return the result as the JSON object that `ParallelDrivesResult` describes."""
+def compute(request: ParallelDrivesRequest) -> dict[str, Any]:
+    """Return the analysis and the simulation of the request's units."""
+    from solver.interaction.drive_simulation import simulate_drives
+    from solver.interaction.parallel_drives import analyse_drives
+
+    experiment = request.build()
+    analysis, simulation = analyse_drives(experiment.system), simulate_drives(experiment)
     return {"analysis": encode(analysis), "simulation": encode(simulation)}
+
+
+def table(result: ParallelDrivesResult) -> list[Part]:
+    """Return which modes are free, what mends them, and the shares of the effort."""
+    analysis, simulation = result.analysis, result.simulation
+    parts: list[Part] = [Line(analysis.text, "strong")]
+    if not analysis.stable:
+        parts.append(Line("The loop is unstable.", "alarm"))
+    if analysis.remedy is not None:
+        parts.append(Line(analysis.remedy.text))
+    before, after = simulation.original, simulation.mended
+    rows = [
+        (
+            f"unit {index + 1}",
+            number(before.shares_before_pulse[index]),
+            number(before.shares_at_end[index]),
+            number(None if after is None else after.shares_at_end[index]),
+        )
+        for index in range(len(before.shares_at_end))
+    ]
+    heads = ("Share of the effort", "before the pulse", "at the end", "at the end, mended")
+    return [*parts, Grid(heads, rows)]
+
+
+def draw(result: DrawnParallelDrives, unit: str) -> dict[str, Any]:
+    """Return the simulation."""
+    from service.figures.document import figures_to_json
+    from service.figures.responses import drives
+
+    return figures_to_json({"drives": drives(result.simulation, unit)})
+
+
+ANALYSIS = Analysis(
+    name="parallel_drives",
+    resource="parallel-drives",
+    text=__doc__,
+    outcome="Free modes, remedy and simulation.",
+    request=ParallelDrivesRequest,
+    result=ParallelDrivesResult,
+    compute=compute,
+    computes_with=("solver.interaction.drive_simulation", "solver.interaction.parallel_drives"),
+    table=table,
+    figures=Figures(of="parallel drives", drawn=DrawnParallelDrives, draw=draw),
+)

@@ -1,7 +1,13 @@
-"""A robustness request and its result as JSON."""
+"""Analyse given loop settings.
+
+Return stability, the peaks and curves of mu, and a worst case, of given settings.
+"""
+
+# ruff: noqa: PLC0415 - what computes and draws is imported in the processes that do
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
@@ -11,25 +17,20 @@ from pydantic import ConfigDict, Field
 
 import solver.model.plants
 import solver.model.weights
+from service.analysis import Analysis, Figures
+from service.printing import Grid, Line, Part, peaks_grid, proof_lines, warning_lines
+from service.schemas.drawn import DrawnRobustness
 from service.schemas.encoding import encode
 from service.schemas.fields import Frequency, ResultModel
 from service.schemas.given_loops import EXAMPLE, GivenLoops
 from service.schemas.margins import LoopMargins
 from service.schemas.peaks import PEAK_EXAMPLE, Curves, Peak, Peaks
 from service.schemas.worst_case import WorstCase
+from service.wording import number, units_text
 from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError
-from solver.robustness.record import Robustness
 
-__all__ = [
-    "Curves",
-    "Peak",
-    "Peaks",
-    "RobustnessRequest",
-    "RobustnessResult",
-    "RobustnessTask",
-    "robustness_to_json",
-]
+__all__ = ["ANALYSIS", "RobustnessRequest", "RobustnessResult", "RobustnessTask"]
 
 MAX_FREQUENCIES = 10_000
 
@@ -139,7 +140,90 @@ class RobustnessResult(ResultModel):
     warnings: list[str] = Field(description="What to look at twice.", examples=[[]])
 
 
-def robustness_to_json(robustness: Robustness) -> dict[str, Any]:
-    """Return the result as the JSON object that `RobustnessResult` describes."""
-    document: dict[str, Any] = encode(robustness)
+def compute(request: RobustnessRequest) -> dict[str, Any]:
+    """Return the robustness of the request's loops."""
+    from solver.robustness.analysis import analyse
+
+    task = request.build()
+    document: dict[str, Any] = encode(
+        analyse(
+            task.plant,
+            task.uncertainty,
+            task.performance,
+            task.loops,
+            task.omega,
+            certificate=task.certificate,
+        )
+    )
     return document
+
+
+def table(result: RobustnessResult) -> list[Part]:
+    """Return the analysis as lines and grids."""
+    parts: list[Part] = []
+    if result.nominally_stable:
+        parts.append(Line("Nominally stable.", "strong"))
+    else:
+        poles = result.unstable_poles
+        many = "s" * (poles != 1)
+        parts.append(
+            Line(f"Unstable: {poles} closed-loop pole{many} in the right half plane.", "alarm")
+        )
+    if result.peaks is not None:
+        parts.append(peaks_grid(result.peaks))
+    if result.lower_bound is not None:
+        bound = number(result.lower_bound.value)
+        parts.append(Line(f"A plant in the set reaches {bound}: the lower bound of that peak."))
+    if result.uncertainty_scaling is not None:
+        factor = number(result.uncertainty_scaling)
+        parts.append(Line(f"All plants stay stable up to {factor} times the uncertainty."))
+    parts += proof_lines(result.certificate)
+    if result.margins:
+        parts.append(_margins(result.margins))
+    return [*parts, *warning_lines(result.warnings)]
+
+
+def _margins(margins: Sequence[LoopMargins]) -> Grid:
+    rows: list[tuple[str, ...]] = []
+    for loop in margins:
+        name = f"loop {units_text(loop.units)}"
+        for others, each in (("open", loop.alone), ("closed", loop.together)):
+            if each is None:
+                rows.append((name, others, "unstable", "", "", "", "", ""))
+                continue
+            values = (
+                each.gain_increase,
+                each.phase_margin,
+                each.delay_margin,
+                each.sensitivity.value,
+                each.complementary_sensitivity.value,
+                each.bandwidth,
+            )
+            rows.append((name, others, *map(number, values)))
+    heads = ("margins", "others", "gain", "phase (°)", "delay", "Ms", "Mt", "bandwidth")
+    return Grid(heads, rows, frozenset({0, 1}))
+
+
+def draw(result: DrawnRobustness, unit: str) -> dict[str, Any]:
+    """Return the curves of mu."""
+    from service.figures.document import figures_to_json
+    from service.figures.frequency import mu
+
+    if result.curves is None or result.peaks is None:
+        return figures_to_json({}, {"mu": "there are no curves: the loops are unstable"})
+    figure = mu(result.curves, result.peaks, lower_bound=result.lower_bound, unit=unit)
+    return figures_to_json({"mu": figure})
+
+
+ANALYSIS = Analysis(
+    name="robustness",
+    resource="robustness",
+    text=__doc__,
+    outcome="The analysis.",
+    request=RobustnessRequest,
+    result=RobustnessResult,
+    compute=compute,
+    computes_with=("solver.robustness.analysis", "solver.certificate.search"),
+    table=table,
+    figures=Figures(of="a robustness analysis", drawn=DrawnRobustness, draw=draw),
+)

@@ -1,4 +1,9 @@
-"""A step-response request and its result as JSON."""
+"""Simulate responses to steps.
+
+Return how a plant and its loops move after steps, dead time exact.
+"""
+
+# ruff: noqa: PLC0415 - what computes and draws is imported in the processes that do
 
 from __future__ import annotations
 
@@ -11,22 +16,28 @@ from pydantic import BaseModel, ConfigDict, Field, JsonValue
 import solver.model.plants
 import solver.model.weights
 import solver.simulation
+from service.analysis import Analysis, Figures
+from service.printing import Grid, Line, Part
+from service.schemas.drawn import DrawnStepResponse
 from service.schemas.encoding import encode
-from service.schemas.fields import Coefficient, PositiveTime, RequestModel, Time, below
+from service.schemas.fields import (
+    AnalysisRequest,
+    Coefficient,
+    PositiveTime,
+    RequestModel,
+    Time,
+    below,
+)
 from service.schemas.loops_in_time import InputLimits, SimulatedLoop, Size, TimeStep
 from service.schemas.perturbations import Perturbation, WorstCasePerturbation
 from service.schemas.plants import Plant
+from service.wording import number, units_text
 from solver.model.errors import InvalidInputError
 from solver.model.plants import MAX_MATRIX_SIZE, MAX_UNITS
 from solver.model.transfer_function import LARGEST
 from solver.simulation.experiment import MAX_SAMPLES
 
-__all__ = [
-    "StepResponseRequest",
-    "StepResponseResult",
-    "StepResponseTask",
-    "step_response_to_json",
-]
+__all__ = ["ANALYSIS", "StepResponseRequest", "StepResponseResult"]
 
 _MAX_STEPS = 1000
 _PLANT: JsonValue = {
@@ -51,6 +62,13 @@ EXAMPLE: dict[str, JsonValue] = {
     "duration": 200.0,
     "samples": 401,
 }
+_ENDS = {
+    "complete": "Simulated up to {}.",
+    "bound": "Ended at {}: an output left its bound, the loops are unstable.",
+    "step_limit": "Ended at {}: too many steps; simulate less long, or leave out a tiny dead time.",
+}
+# Nine columns in 80 characters: four digits, short heads.
+_HEADS = ("unit", "rise", "settle", "over", "IAE", "ISE", "max |e|", "var u", "y end")
 
 
 class SetPointDirection(RequestModel):
@@ -101,7 +119,7 @@ class StepResponseTask:
         if self.demand is None:
             return solver.simulation.step_response(self.experiment)
         # Here, since it brings the kernels, and the service that reads requests needs none.
-        from solver.simulation.worst_actuators import with_worst_actuators  # noqa: PLC0415
+        from solver.simulation.worst_actuators import with_worst_actuators
 
         with below("/perturbation"):
             perturbed = with_worst_actuators(self.experiment, *self.demand)
@@ -111,7 +129,7 @@ class StepResponseTask:
 Row = Annotated[tuple[Coefficient, ...], Field(min_length=1, max_length=MAX_MATRIX_SIZE)]
 
 
-class StepResponseRequest(RequestModel):
+class StepResponseRequest(AnalysisRequest):
     """Ask how a plant and its loops move after steps; everything rests at zero before."""
 
     plant: Plant = Field(description="The process; dead time is exact.", examples=[_PLANT])
@@ -307,7 +325,50 @@ class StepResponseResult(BaseModel):
     )
 
 
-def step_response_to_json(response: solver.simulation.StepResponse) -> dict[str, Any]:
-    """Return the result as the JSON object that `StepResponseResult` describes."""
-    document: dict[str, Any] = encode(response)
+def compute(request: StepResponseRequest) -> dict[str, Any]:
+    """Return the responses that the request asks for."""
+    document: dict[str, Any] = encode(request.build().simulate())
     return document
+
+
+def table(result: StepResponseResult) -> list[Part]:
+    """Return how the simulation ended, and the measures of each unit."""
+    rows = []
+    for response in result.responses:
+        metrics = response.metrics
+        reached = metrics.set_point
+        values = (
+            None if reached is None else reached.rise_time,
+            None if reached is None else reached.settling_time,
+            None if reached is None else reached.overshoot,
+            metrics.absolute_error,
+            metrics.squared_error,
+            metrics.largest_error,
+            metrics.input_variation,
+            response.output[-1],
+        )
+        rows.append((units_text(response.units), *(number(value, 4) for value in values)))
+    headline = _ENDS[result.end].format(number(result.time[-1]))
+    return [Line(headline, "strong"), Grid(_HEADS, rows)]
+
+
+def draw(result: DrawnStepResponse, unit: str) -> dict[str, Any]:
+    """Return the signals."""
+    from service.figures.document import figures_to_json
+    from service.figures.responses import step_response
+
+    return figures_to_json({"step_response": step_response(result, unit)})
+
+
+ANALYSIS = Analysis(
+    name="step_response",
+    resource="step-responses",
+    text=__doc__,
+    outcome="The responses.",
+    request=StepResponseRequest,
+    result=StepResponseResult,
+    compute=compute,
+    computes_with=("solver.simulation", "solver.simulation.worst_actuators"),
+    table=table,
+    figures=Figures(of="a step response", drawn=DrawnStepResponse, draw=draw),
+)

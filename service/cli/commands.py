@@ -1,4 +1,4 @@
-"""The commands, their arguments and their help."""
+"""The commands, their arguments and their help; those of the analyses by their modules."""
 
 from __future__ import annotations
 
@@ -7,6 +7,9 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+
+from service import registry
+from service.cli.arguments import AsJson, Input, Scheduler
 
 __all__ = ["app", "main"]
 
@@ -19,21 +22,6 @@ app = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
-
-Input = Annotated[
-    Path,
-    typer.Argument(metavar="FILE.json", help="Request file; - reads standard input."),
-]
-AsJson = Annotated[
-    bool, typer.Option("--json", help="Print the result as JSON and nothing else on stdout.")
-]
-
-Scheduler = Annotated[
-    str | None,
-    typer.Option(
-        envvar="MUTUNE_SCHEDULER", metavar="tcp://...", help="Dask scheduler to work with."
-    ),
-]
 
 
 def _version(wanted: bool) -> None:  # noqa: FBT001 - typer's form of a callback
@@ -114,60 +102,18 @@ def batch(
     raise typer.Exit(batch_file(requests, results=results, scheduler=scheduler))
 
 
-@app.command()
-def robustness(request: Input, *, as_json: AsJson = False) -> None:
-    """Analyse given loop settings."""
-    from service.cli.robustness import analyse_file  # noqa: PLC0415 - heavy
+def _add_analysis(module: str) -> None:
+    """Add the command of an analysis, which imports it when it runs."""
 
-    raise typer.Exit(analyse_file(request, as_json=as_json))
+    @app.command(module.replace("_", "-"), help=registry.description(module))
+    def command(request: Input, *, as_json: AsJson = False) -> None:
+        from service.cli.analysing import analyse_file  # noqa: PLC0415 - heavy
 
-
-@app.command()
-def integrity(request: Input, *, as_json: AsJson = False) -> None:
-    """Analyse given loops with any of them in manual."""
-    from service.cli.integrity import analyse_file  # noqa: PLC0415 - heavy
-
-    raise typer.Exit(analyse_file(request, as_json=as_json))
+        raise typer.Exit(analyse_file(module, request, as_json=as_json))
 
 
-@app.command()
-def interaction(request: Input, *, as_json: AsJson = False) -> None:
-    """Analyse how loops interact and how to pair them."""
-    from service.cli.interaction import analyse_file  # noqa: PLC0415 - heavy
-
-    raise typer.Exit(analyse_file(request, as_json=as_json))
-
-
-@app.command()
-def decouple(request: Input, *, as_json: AsJson = False) -> None:
-    """Design a static decoupler and the PI settings of its loops."""
-    from service.cli.decoupling import decouple_file  # noqa: PLC0415 - heavy
-
-    raise typer.Exit(decouple_file(request, as_json=as_json))
-
-
-@app.command("parallel-drives")
-def parallel_drives(request: Input, *, as_json: AsJson = False) -> None:
-    """Analyse units with integral action on one load, and mend them."""
-    from service.cli.parallel_drives import analyse_file  # noqa: PLC0415 - heavy
-
-    raise typer.Exit(analyse_file(request, as_json=as_json))
-
-
-@app.command("step-response")
-def step_response(request: Input, *, as_json: AsJson = False) -> None:
-    """Simulate how a plant and its loops move after steps."""
-    from service.cli.step_response import simulate_file  # noqa: PLC0415 - heavy
-
-    raise typer.Exit(simulate_file(request, as_json=as_json))
-
-
-@app.command()
-def relay(request: Input, *, as_json: AsJson = False) -> None:
-    """Simulate a relay experiment and read loop settings off it."""
-    from service.cli.relay import relay_file  # noqa: PLC0415 - heavy
-
-    raise typer.Exit(relay_file(request, as_json=as_json))
+for _module in registry.names():
+    _add_analysis(_module)
 
 
 @app.command()

@@ -11,6 +11,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 import solver.tuning
 import solver.tuning.record
+from service.cli.console import show
 from service.cli.outcomes import ExitCode, exit_code_of, read_input, reported
 from service.cli.tables import tuning_table
 from service.schemas import TuningRequest, TuningResult, parse_tuning_request, tuning_to_json
@@ -52,7 +53,7 @@ def tune_file(
     if as_json:
         print(json.dumps(document, allow_nan=False))  # noqa: T201 - the output asked for
     else:
-        Console().print(tuning_table(result))
+        show(tuning_table(result))
     if report is not None:
         from service.report.document import report_html  # noqa: PLC0415 - imports Plotly
 
@@ -73,7 +74,7 @@ def _tune(request: TuningRequest) -> dict[str, object]:
     ) as bar:
         task = bar.add_task("Tuning", total=1.0, starts=0, best=number(None))
 
-        def show(progress: solver.tuning.record.Progress) -> None:
+        def on_progress(progress: solver.tuning.record.Progress) -> None:
             bar.update(
                 task,
                 completed=progress.fraction,
@@ -81,4 +82,4 @@ def _tune(request: TuningRequest) -> dict[str, object]:
                 best=number(progress.best),
             )
 
-        return tuning_to_json(solver.tuning.tune(request.build(), show))
+        return tuning_to_json(solver.tuning.tune(request.build(), on_progress))

@@ -18,28 +18,13 @@ from service.http import docs_page, errors
 from service.http.access import RateLimiter, authenticate
 from service.http.metrics import Metrics
 from service.http.middleware import Compressed, Observed, SecurityHeaders
-from service.http.routes import (
-    batches,
-    controller_forms,
-    decouplings,
-    examples,
-    figures,
-    health,
-    integrity,
-    interaction,
-    page,
-    parallel_drives,
-    relay_experiments,
-    robustness,
-    step_responses,
-    tunings,
-)
+from service.http.routes import analyses, batches, examples, figures, health, page, tunings
 from service.http.routes.common import problems
 from service.jobs import database
 from service.jobs.dispatcher import Dispatcher
 from service.jobs.engine import Engine
 from service.jobs.leadership import lead
-from service.jobs.pool import Analyses
+from service.jobs.pool import Pool
 from service.jobs.queue import Queue
 from service.jobs.retention import expire
 from service.jobs.store import Store
@@ -63,19 +48,7 @@ _TAGS = [
 ]
 
 # Resources that need an API key, where the service has keys, and those that never do.
-_FOR_CALLERS = (
-    tunings,
-    batches,
-    robustness,
-    integrity,
-    controller_forms,
-    interaction,
-    decouplings,
-    parallel_drives,
-    step_responses,
-    relay_experiments,
-    figures,
-)
+_FOR_CALLERS = (tunings, batches, analyses, figures)
 _FOR_EVERYBODY = (examples, health, page)
 
 
@@ -149,8 +122,8 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
         store = app.state.store = Store(transactions, settings.max_queued)
         queue = Queue(transactions)
         watcher = app.state.watcher = Watcher(store)
-        app.state.analyses = Analyses(settings.analysis_processes, settings.analysis_time_limit)
-        stack.push_async_callback(app.state.analyses.close)
+        app.state.pool = Pool(settings.analysis_processes, settings.analysis_time_limit)
+        stack.push_async_callback(app.state.pool.close)
 
         def wake() -> None:
             app.state.dispatcher.wake()

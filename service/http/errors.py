@@ -1,4 +1,4 @@
-"""Exceptions as answers: every error leaves the service as a problem."""
+"""Exceptions as responses: every error leaves the service as a problem."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _ROUTING: dict[int, type[ProblemError]] = {
 
 
 def install(app: FastAPI) -> None:
-    """Make `app` answer every error as a problem."""
+    """Make every error of `app` leave it as a problem."""
     for kind in (
         *KINDS,
         RequestValidationError,
@@ -41,11 +41,11 @@ def install(app: FastAPI) -> None:
         StoreUnavailableError,
         Exception,
     ):
-        app.add_exception_handler(kind, _answer)
+        app.add_exception_handler(kind, _to_response)
 
 
-async def _answer(request: Request, error: Exception) -> Response:
-    problem = _ours(error)
+async def _to_response(request: Request, error: Exception) -> Response:
+    problem = _translated(error)
     if isinstance(problem, MethodError):
         # The router names the methods of the first route with this path only.
         problem.headers["allow"] = ", ".join(_methods(request))
@@ -66,13 +66,13 @@ def _methods(request: Request) -> list[str]:
 
 
 def problem_response(error: Exception) -> Response:
-    """Return the answer for `error`."""
+    """Return the response for `error`."""
     document = describe(error)
     headers = error.headers if isinstance(error, ProblemError) else {}
     return Response(json.dumps(document), document["status"], headers, media_type=MEDIA_TYPE)
 
 
-def _ours(error: Exception) -> Exception:
+def _translated(error: Exception) -> Exception:
     """Translate the exceptions of framework and database into those of the table."""
     match error:
         case HTTPException():

@@ -9,24 +9,19 @@ told to do, and every process forked from it is then ready at once.
 # ruff: noqa: F401 - all imported for the processes forked later
 
 import gc
+from importlib import import_module
 
-import service.computing
+import service.drawing
 import service.jobs.pool
 import service.jobs.work
-import solver.certificate.search
-import solver.interaction.analysis
-import solver.interaction.decoupling
-import solver.interaction.drive_simulation
-import solver.interaction.loop_effect
-import solver.interaction.parallel_drives
-import solver.relay
-import solver.robustness.analysis
-import solver.robustness.integrity
-import solver.simulation.worst_actuators
+from service import registry
 from solver.warm import warm
 
 __all__: list[str] = []
 
+for _analysis in registry.every():
+    for _module in _analysis.computes_with:
+        import_module(_module)
 warm()
 # The collector writes into every object that it looks at, and a page written to is no longer
 # shared: what is here now it need not look at.

@@ -1,6 +1,6 @@
-"""Analyses that are answered in the request: each in a process of its own, with a time limit.
+"""Computations whose result comes with the response: each in a process, with a time limit.
 
-The processes are apart from the workers that tune, so an analysis never waits behind a batch,
+The processes are apart from the workers that tune, so a computation never waits behind a batch,
 and one that does not come back is killed without loss to anyone else.
 """
 
@@ -22,22 +22,22 @@ import numpy as np
 from service.jobs import processes
 from service.problems import AnalysisTimeoutError, NumbersError, UnavailableError
 
-__all__ = ["Analyses"]
+__all__ = ["Pool"]
 
 logger = logging.getLogger(__name__)
 
 _P = ParamSpec("_P")
 
 
-class Analyses:
-    """A few processes that compute, one analysis at a time each.
+class Pool:
+    """A few processes, each with one computation at a time.
 
     Parameters
     ----------
     size : int
         Number of processes.
     time_limit : float
-        Seconds, from the moment when the analysis begins to wait for a process.
+        Seconds, from the moment when a computation begins to wait for a process.
 
     """
 
@@ -98,7 +98,7 @@ class _Process:
                 self._pid = await loop.run_in_executor(self._executor, os.getpid)
             return await loop.run_in_executor(self._executor, function, *args)
         except (asyncio.CancelledError, BrokenProcessPool):
-            self.kill()  # timed out, or nobody waits for the answer any more
+            self.kill()  # timed out, or nobody waits for the result any more
             raise
 
     def kill(self) -> None:
@@ -111,7 +111,7 @@ class _Process:
 
 
 def _leave_signals() -> None:
-    """Ctrl-C in a terminal reaches every process; the parent is the one to answer it."""
+    """Ctrl-C in a terminal reaches every process; the parent is the one to obey it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import BaseModel, Field
 
 import solver.model.controllers
 import solver.tuning.specification
 from service.schemas.fields import SMALLEST, Gain, PositiveTime, RequestModel
 from solver.model.plants import MAX_UNITS
 
-__all__ = ["Bounds", "ControllerChoice", "Loop"]
+__all__ = ["Bounds", "ControllerChoice", "IdealForm", "Loop", "ParallelForm"]
 
 _LARGEST_BOUND = 1e9  # as solver.tuning.specification.Bounds
 
@@ -30,6 +30,24 @@ class Loop(RequestModel):
         return solver.model.controllers.Controller(
             self.gain, self.integral_time, self.derivative_time
         )
+
+
+class IdealForm(BaseModel):
+    """Ideal (ISA) form, K (1 + 1/(T_i s) + T_d s/(1 + T_f s))."""
+
+    gain: float = Field(description="K.", examples=[46.3])
+    integral_time: float = Field(description="T_i.", examples=[101.0])
+    derivative_time: float = Field(description="T_d; 0 for PI.", examples=[0.0])
+    filter_time: float = Field(description="T_f.", examples=[0.0])
+
+
+class ParallelForm(BaseModel):
+    """Parallel form, K_p + K_i/s + K_d s/(1 + T_f s)."""
+
+    proportional_gain: float = Field(description="K_p.", examples=[46.3])
+    integral_gain: float = Field(description="K_i.", examples=[0.458])
+    derivative_gain: float = Field(description="K_d; 0 for PI.", examples=[0.0])
+    filter_time: float = Field(description="T_f.", examples=[0.0])
 
 
 def _range(unit: str) -> object:

@@ -7,6 +7,7 @@ unit of time, ``rad/time`` its angular frequency, ``gain`` is output units over 
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Annotated
@@ -18,6 +19,7 @@ from solver.model.transfer_function import LARGEST, MAX_ORDER
 
 __all__ = [
     "SMALLEST",
+    "AnalysisRequest",
     "Coefficients",
     "Frequency",
     "Gain",
@@ -36,8 +38,23 @@ class RequestModel(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
 
+class AnalysisRequest(RequestModel, ABC):
+    """Base of the requests of analyses."""
+
+    @abstractmethod
+    def build(self) -> object:
+        """Return the solver's input.
+
+        Raises
+        ------
+        InvalidInputError
+            A value that the mathematics cannot accept, by pointer into this request.
+
+        """
+
+
 class ResultModel(BaseModel):
-    """Base of what the service answers, and reads again where an answer is sent back."""
+    """Base of results, which are read again where a client sends one back."""
 
     model_config = ConfigDict(strict=True)
 

@@ -10,7 +10,7 @@ from pydantic import Field, JsonValue
 import solver.model.plants
 import solver.model.weights
 from service.schemas.controllers import Loop
-from service.schemas.fields import RequestModel, below
+from service.schemas.fields import AnalysisRequest, below
 from service.schemas.plants import Plant
 from service.schemas.weights import Performance, Uncertainty
 from solver.model.controllers import Controller
@@ -46,7 +46,7 @@ class LoopsTask:
     loops: tuple[Controller, ...]
 
 
-class GivenLoops(RequestModel):
+class GivenLoops(AnalysisRequest):
     """Given loop settings and the weights that they are judged by."""
 
     plant: Plant = Field(description="The process.", examples=[EXAMPLE["plant"]])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from pathlib import Path
 from typing import Any
@@ -12,12 +13,13 @@ from pydantic import BaseModel
 from samples import altered
 from typer.testing import CliRunner, Result
 
+from service import registry
 from service.analyses.decouple import DecouplingResult
-from service.analyses.interaction.models import InteractionRequest, InteractionResult
+from service.analyses.interaction import InteractionRequest, InteractionResult
 from service.analyses.parallel_drives import ParallelDrivesResult
 from service.cli import app
-from service.cli.analysis import answer
-from service.cli.outcomes import ExitCode, reported
+from service.cli.analysing import analyse_file
+from service.cli.outcomes import ExitCode
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 COMMANDS: dict[str, tuple[str, type[BaseModel]]] = {
@@ -139,7 +141,9 @@ def test_bad_input_exits_with_2_and_names_the_field(
 
 @pytest.mark.parametrize("error", [OverflowError, np.linalg.LinAlgError])
 def test_numbers_beyond_double_precision_are_bad_input(
-    error: type[Exception], capsys: pytest.CaptureFixture[str]
+    error: type[Exception],
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Where the numbers overflow, the request is to blame, as over HTTP: exit status 2."""
 
@@ -147,8 +151,7 @@ def test_numbers_beyond_double_precision_are_bad_input(
         raise error
 
     path = EXAMPLES / COMMANDS["interaction"][0]
-    command = reported(
-        lambda: answer(path, InteractionRequest, compute, InteractionResult, str, as_json=True)
-    )
-    assert command() is ExitCode.BAD_INPUT
+    failing = dataclasses.replace(registry.load("interaction"), compute=compute)
+    monkeypatch.setattr(registry, "load", lambda _: failing)
+    assert analyse_file("interaction", path, as_json=True) is ExitCode.BAD_INPUT
     assert "too far apart" in capsys.readouterr().err

@@ -16,9 +16,9 @@ from serving import served
 
 from service.analyses.decouple import DecouplingRequest
 from service.analyses.integrity import IntegrityRequest
-from service.analyses.interaction.models import InteractionRequest
+from service.analyses.interaction import InteractionRequest
 from service.analyses.parallel_drives import ParallelDrivesRequest
-from service.analyses.relay.models import RelayExperimentRequest
+from service.analyses.relay import RelayExperimentRequest
 from service.analyses.step_response import StepResponseRequest
 from service.client import Client, JobEndedError, ServiceError, ServiceUnreachableError
 from service.configuration import Settings

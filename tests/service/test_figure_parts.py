@@ -12,7 +12,7 @@ import pytest
 from service import figures
 from service.analyses.parallel_drives import EXAMPLE as DRIVES
 from service.analyses.parallel_drives import ParallelDrivesRequest
-from service.computing import parallel_drives as simulate_drives
+from service.analyses.parallel_drives import compute as simulate_drives
 from service.figures.style import (
     BACKGROUNDS,
     COLOURS,

@@ -12,9 +12,9 @@ from fake_tune import SLOW
 from samples import ROBUSTNESS, altered, tuning
 
 from service.analyses.decouple import EXAMPLE as DECOUPLING
-from service.analyses.interaction.models import EXAMPLE as INTERACTION
+from service.analyses.interaction import EXAMPLE as INTERACTION
 from service.analyses.parallel_drives import EXAMPLE as DRIVES
-from service.analyses.relay.models import EXAMPLE as RELAY
+from service.analyses.relay import EXAMPLE as RELAY
 from service.analyses.step_response import EXAMPLE as STEPS
 from service.schemas.figures import FiguresResult
 

@@ -7,7 +7,7 @@ import httpx
 import pytest
 from samples import altered
 
-from service.analyses.interaction.models import InteractionResult
+from service.analyses.interaction import InteractionResult
 
 PATH = "/v1/interaction"
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -7,9 +7,9 @@ from typing import Any
 import httpx
 import pytest
 from samples import altered
-
-from service.analyses.relay.models import EXAMPLE, RelayExperimentRequest, RelayExperimentResult
 from service.cli.relay import relay_file
+
+from service.analyses.relay import EXAMPLE, RelayExperimentRequest, RelayExperimentResult
 from service.schemas.parsing import parse
 
 PATH = "/v1/relay-experiments"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,15 +12,14 @@ from pydantic import BaseModel, ConfigDict, Field, JsonValue
 import solver.model.plants
 from service.schemas.controllers import Loop
 from service.schemas.drawn import Complex
-from service.schemas.encoding import encode
-from service.schemas.fields import Gain, RequestModel, below
+from service.schemas.fields import AnalysisRequest, Gain, RequestModel, below
 from service.schemas.frequencies import Frequencies, ascending
+from service.schemas.integral_controllability import IntegralControllability
 from service.schemas.plants import Plant
-from solver.interaction.analysis import Interaction
-from solver.interaction.loop_effect import MAX_GAINS, LoopEffect, LoopEffectQuery
+from solver.interaction.loop_effect import MAX_GAINS, LoopEffectQuery
 from solver.model.plants import MAX_UNITS
 
-__all__ = ["InteractionRequest", "InteractionResult", "InteractionTask", "interaction_to_json"]
+__all__ = ["InteractionRequest", "InteractionResult", "InteractionTask"]
 
 _ROSENBROCK: JsonValue = {
     "kind": "matrix",
@@ -76,7 +75,7 @@ class InteractionTask:
     effect: LoopEffectQuery | None
 
 
-class InteractionRequest(RequestModel):
+class InteractionRequest(AnalysisRequest):
     """Ask how the loops of a plant interact, and how to pair them."""
 
     plant: Plant = Field(
@@ -176,32 +175,6 @@ class PairingRanking(BaseModel):
     )
     examined: int = Field(description="How many were compared.", examples=[2])
     exhaustive: bool = Field(description="Whether these are all there are.", examples=[True])
-
-
-class IntegralControllability(BaseModel):
-    """Whether loops may be detuned or switched off one by one (decentralised, integral)."""
-
-    verdict: Literal["guaranteed", "impossible", "undecided"] = Field(
-        description="What the conditions on the static gain say.", examples=["guaranteed"]
-    )
-    reasons: list[str] = Field(description="Conditions that fail.", examples=[[]])
-    failing_subsets: list[list[int]] = Field(
-        description="Smallest sets of loops that fail by themselves, from 0.", examples=[[]]
-    )
-    smallest_eigenvalue: float | None = Field(
-        description="Least real part of the eigenvalues of the gain with a positive diagonal.",
-        examples=[0.18],
-    )
-    scaling: Numbers | None = Field(
-        description="Diagonal D with D G + G' D positive definite: the proof. Null: none found.",
-        examples=[[0.5, 0.5]],
-    )
-    lower_limit: float | None = Field(
-        description="Parallel units: the interaction must exceed this.", examples=[None, -1.0]
-    )
-    upper_limit: float | None = Field(
-        description="Parallel units: the interaction must stay below this.", examples=[None, 1.0]
-    )
 
 
 class Zero(BaseModel):
@@ -426,9 +399,3 @@ class InteractionResult(BaseModel):
     )
     effect: LoopEffectResult | None = Field(description="The effect asked for.", examples=[None])
     warnings: list[str] = Field(description="What to look at twice.", examples=[[]])
-
-
-def interaction_to_json(interaction: Interaction, effect: LoopEffect | None) -> dict[str, Any]:
-    """Return the result as the JSON object that `InteractionResult` describes."""
-    document: dict[str, Any] = encode(interaction)
-    return {**document, "effect": encode(effect)}

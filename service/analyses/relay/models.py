@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, JsonValue
 
 import solver.relay
 from service.schemas.controllers import Loop
 from service.schemas.drawn import Complex
-from service.schemas.encoding import encode
-from service.schemas.fields import Gain, PositiveTime, RequestModel, below
+from service.schemas.fields import AnalysisRequest, Gain, PositiveTime, RequestModel, below
 from service.schemas.loops_in_time import SimulatedLoop, TimeStep, Unit
 from service.schemas.plants import Plant
 from solver.model.plants import MAX_UNITS
 from solver.model.transfer_function import LARGEST
 from solver.simulation.experiment import MAX_SAMPLES
 
-__all__ = ["RelayExperimentRequest", "RelayExperimentResult", "relay_experiment_to_json"]
+__all__ = ["RelayExperimentRequest", "RelayExperimentResult"]
 
 _MAX_STEPS = 1000
 _OWN: JsonValue = {"num": [100.0], "den": [1.0, 21.0, 120.0, 100.0]}
@@ -80,7 +79,7 @@ class PlacedLoop(RequestModel):
             return solver.relay.PlacedLoop(self.output, self.input, self.loop.build())
 
 
-class RelayExperimentRequest(RequestModel):
+class RelayExperimentRequest(AnalysisRequest):
     """Ask what happens when a relay closes one loop; everything rests at zero before."""
 
     plant: Plant = Field(description="The process; dead time is exact.", examples=[_PLANT])
@@ -320,13 +319,3 @@ class RelayExperimentResult(BaseModel):
         description="Periodic solutions, describing function, ultimate points.",
         examples=[{"solutions": [], "described": None, "ultimate": None, "mcavoy": None}],
     )
-
-
-def relay_experiment_to_json(outcome: solver.relay.RelayOutcome) -> dict[str, Any]:
-    """Return the outcome as the JSON object that `RelayExperimentResult` describes."""
-    document: dict[str, Any] = encode(outcome)
-    document["theory"]["solutions"] = [
-        {**encode(solution), "exists": solution.exists, "stable": solution.stable}
-        for solution in outcome.theory.solutions
-    ]
-    return document

@@ -1,62 +1,38 @@
-"""Figures of tunings and of analyses, and the report of a tuning."""
+"""Figures and report of a tuning, and the figure of a trade-off."""
 
 from __future__ import annotations
 
 import asyncio
 import json
-from typing import Annotated, Any
 
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import APIRouter, Request, Response
 from fastapi.responses import HTMLResponse
 
-from service import computing
-from service.http import bodies
-from service.http.routes.common import BODY_PROBLEMS, described, json_response, problems
+from service import drawing
+from service.analysis import Figures
+from service.http.routes.analyses import add_figures
+from service.http.routes.common import FIGURES, Unit, json_response, problems
 from service.http.routes.tunings import JobId, find_job
 from service.jobs.records import Job
 from service.problems import ConflictError
-from service.schemas.drawn import (
-    Drawn,
-    DrawnDecoupling,
-    DrawnInteraction,
-    DrawnParallelDrives,
-    DrawnRelayExperiment,
-    DrawnRobustness,
-    DrawnStepResponse,
-)
-from service.schemas.figures import FiguresResult
 from service.schemas.trade_off import TradeOff
 from service.wording import TIME_UNIT
 
-__all__ = ["Unit", "finished", "router"]
+__all__ = ["finished", "router"]
 
 router = APIRouter()
-
-Unit = Annotated[
-    str,
-    Query(
-        max_length=20,
-        # It becomes part of titles, which Plotly reads as HTML.
-        pattern=r"^[^<>&\x00-\x1f]+$",
-        description="Name of the unit of time.",
-        examples=["min"],
-    ),
-]
-_RESULT: dict[int | str, dict[str, Any]] = {200: described(FiguresResult, "The figures.")}
 
 
 @router.get(
     "/v1/tunings/{job_id}/figures",
     tags=["tunings"],
     summary="Figures of a tuning",
-    responses={**_RESULT, **problems(404, 409, 422, 503)},
+    responses={200: FIGURES, **problems(404, 409, 422, 503)},
 )
 async def get_figures(request: Request, job_id: JobId, unit: Unit = TIME_UNIT) -> Response:
     """Return everything that the result of a tuning has to show."""
     job = await finished(request, job_id)
-    drawn = await request.app.state.analyses.run(
-        computing.figures_of_tuning, job.request, job.result, unit
-    )
+    drawn = await request.app.state.pool.run(drawing.tuning, job.request, job.result, unit)
     return json_response(drawn)
 
 
@@ -76,10 +52,8 @@ async def get_figures(request: Request, job_id: JobId, unit: Unit = TIME_UNIT) -
 async def get_report(request: Request, job_id: JobId, unit: Unit = TIME_UNIT) -> Response:
     """Return inputs, settings, figures and proof of a tuning, to print, sign and file."""
     job = await finished(request, job_id)
-    answer = await request.app.state.analyses.run(
-        computing.report, job.request, job.result, unit, job.id
-    )
-    document = await asyncio.to_thread(json.loads, answer)
+    drawn = await request.app.state.pool.run(drawing.report, job.request, job.result, unit, job.id)
+    document = await asyncio.to_thread(json.loads, drawn)
     return HTMLResponse(
         document["html"],
         headers={
@@ -105,30 +79,4 @@ async def finished(request: Request, job_id: str) -> Job:
     return job
 
 
-def _add(kind: str, model: type[Drawn], title: str) -> None:
-    """Add the operation that draws the results of an analysis."""
-
-    async def post_figures(request: Request, unit: Unit = TIME_UNIT) -> Response:
-        body = await bodies.read(request, model)
-        return json_response(await request.app.state.analyses.run(computing.figures, body, unit))
-
-    router.add_api_route(
-        f"/v1/figures/{kind}",
-        post_figures,
-        methods=["POST"],
-        tags=["analyses"],
-        summary=f"Figures of {title}",
-        description="Send the answer of the analysis as it came; what is not drawn is ignored.",
-        operation_id=f"post_figures_{kind.replace('-', '_')}",
-        responses={**_RESULT, **problems(*BODY_PROBLEMS, 503)},
-        openapi_extra=bodies.described_body(model),
-    )
-
-
-_add("robustness", DrawnRobustness, "a robustness analysis")
-_add("interaction", DrawnInteraction, "an interaction analysis")
-_add("step-responses", DrawnStepResponse, "a step response")
-_add("relay-experiments", DrawnRelayExperiment, "a relay experiment")
-_add("decouplings", DrawnDecoupling, "a decoupling")
-_add("parallel-drives", DrawnParallelDrives, "parallel drives")
-_add("trade-offs", TradeOff, "a trade-off")
+add_figures(router, "trade-offs", Figures(of="a trade-off", drawn=TradeOff, draw=drawing.trade_off))

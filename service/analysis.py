@@ -1,0 +1,102 @@
+"""What an analysis is to the service: everything that its surfaces say and do, in one record."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
+
+from pydantic import BaseModel
+
+from service.printing import Part
+from service.schemas.drawn import Drawn
+from service.schemas.fields import AnalysisRequest
+
+__all__ = ["Analysis", "Figures"]
+
+_Request = TypeVar("_Request", bound=AnalysisRequest)
+_Result = TypeVar("_Result", bound=BaseModel)
+_Drawn = TypeVar("_Drawn", bound=Drawn)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Figures(Generic[_Drawn]):
+    """The figures of an analysis.
+
+    Parameters
+    ----------
+    of : str
+        What they show, with its article: ``a step response``.
+    drawn : type
+        Model of those parts of the result that are drawn.
+    draw : callable
+        From those parts and the name of the unit of time to the JSON object that
+        `service.schemas.figures.FiguresResult` describes. It imports Plotly itself: a function of
+        a module, called in another process.
+
+    """
+
+    of: str
+    drawn: type[_Drawn]
+    draw: Callable[[_Drawn, str], dict[str, Any]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Analysis(Generic[_Request, _Result]):
+    """An analysis whose result comes with the response to its request.
+
+    The name of its module is that of its command.
+
+    Parameters
+    ----------
+    name : str
+        Method of the client, and part of the identifiers in OpenAPI.
+    resource : str
+        Last part of its URL path, and of that of its figures.
+    text : str
+        The docstring of its module: what it does, in a few words; then what it returns.
+    outcome : str
+        What the result is, in a few words.
+    request, result : type
+        Models of both.
+    compute : callable
+        From request to the JSON values of the result. It imports itself what it computes with: a
+        function of a module, called in another process.
+    computes_with : tuple of str
+        Modules of the solver that it imports; the processes that compute have them imported.
+    table : callable
+        From result to what people read in a terminal.
+    figures : Figures or None
+        Its figures, where it has any.
+    immediate : bool
+        Computed by the process that reads the request: arithmetic on a few numbers, which should
+        not wait behind others.
+
+    """
+
+    name: str
+    resource: str
+    text: str
+    outcome: str
+    request: type[_Request]
+    result: type[_Result]
+    compute: Callable[[_Request], dict[str, Any]]
+    computes_with: tuple[str, ...] = ()
+    table: Callable[[_Result], Sequence[Part]]
+    figures: Figures[Any] | None = None
+    immediate: bool = False
+
+    @property
+    def summary(self) -> str:
+        """What it does, without full stop."""
+        return self.text.partition("\n")[0].removesuffix(".")
+
+    @property
+    def description(self) -> str:
+        """What it returns."""
+        return " ".join(self.text.partition("\n")[2].split())
+
+    @property
+    def path(self) -> str:
+        """URL path."""
+        return f"/v1/{self.resource}"

@@ -1,0 +1,79 @@
+"""The analyses and their figures: two operations for each, made from its record."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from typing import Any
+
+from fastapi import APIRouter, Request, Response
+
+from service import registry
+from service.analysis import Analysis, Figures
+from service.http import bodies
+from service.http.routes.common import (
+    BODY_PROBLEMS,
+    FIGURES,
+    Unit,
+    described,
+    json_response,
+    problems,
+)
+from service.wording import TIME_UNIT
+
+__all__ = ["add_figures", "router"]
+
+router = APIRouter()
+
+
+def _add(analysis: Analysis[Any, Any]) -> None:
+    """Add the operation that analyses."""
+
+    async def post(request: Request) -> Response:
+        body = await bodies.read(request, analysis.request)
+        if analysis.immediate:
+            document = await asyncio.to_thread(analysis.compute, body)
+            return json_response(json.dumps(document, allow_nan=False, separators=(",", ":")))
+        body.build()  # bad input is refused here, not in the process that computes
+        return json_response(await request.app.state.pool.run(analysis.compute, body))
+
+    router.add_api_route(
+        analysis.path,
+        post,
+        methods=["POST"],
+        tags=["analyses"],
+        summary=analysis.summary,
+        description=analysis.description,
+        operation_id=f"post_{analysis.name}_v1_{analysis.resource.replace('-', '_')}_post",
+        responses={
+            200: described(analysis.result, analysis.outcome),
+            **problems(*BODY_PROBLEMS, 503),
+        },
+        openapi_extra=bodies.described_body(analysis.request),
+    )
+
+
+def add_figures(router: APIRouter, resource: str, figures: Figures[Any]) -> None:
+    """Add the operation that draws results to `router`."""
+
+    async def post(request: Request, unit: Unit = TIME_UNIT) -> Response:
+        body = await bodies.read(request, figures.drawn)
+        return json_response(await request.app.state.pool.run(figures.draw, body, unit))
+
+    router.add_api_route(
+        f"/v1/figures/{resource}",
+        post,
+        methods=["POST"],
+        tags=["analyses"],
+        summary=f"Figures of {figures.of}",
+        description="Send the answer of the analysis as it came; what is not drawn is ignored.",
+        operation_id=f"post_figures_{resource.replace('-', '_')}",
+        responses={200: FIGURES, **problems(*BODY_PROBLEMS, 503)},
+        openapi_extra=bodies.described_body(figures.drawn),
+    )
+
+
+for _analysis in registry.every():
+    _add(_analysis)
+    if _analysis.figures is not None:
+        add_figures(router, _analysis.resource, _analysis.figures)

@@ -1,0 +1,111 @@
+"""Results as lines and grids of text: what the command line prints, before anything of colours.
+
+The analyses say here what people read; `service.cli.console` gives it its form.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from service.schemas.peaks import Peaks
+from service.wording import forms, number
+from solver.model.controllers import Controller
+
+__all__ = [
+    "CURVES",
+    "Grid",
+    "Line",
+    "Part",
+    "form_parts",
+    "matrix",
+    "peaks_grid",
+    "proof_lines",
+    "warning_lines",
+]
+
+# Name, field and meaning of the three curves of mu.
+CURVES = (
+    ("robust performance", "robust_performance", "at most 1: demand met"),
+    ("robust stability", "robust_stability", "below 1: always stable"),
+    ("nominal performance", "nominal_performance", "(without uncertainty)"),
+)
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line of text, and how much it should catch the eye."""
+
+    text: str = ""
+    style: Literal["plain", "strong", "alarm", "warning"] = "plain"
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A table.
+
+    Parameters
+    ----------
+    heads : sequence of str
+        Heads of the columns.
+    rows : sequence of sequence of str
+        Rows, a text for each column.
+    left : set of int
+        Columns that begin at the left, as words do; numbers end at the right.
+
+    """
+
+    heads: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    left: frozenset[int] = frozenset({0})
+
+
+Part = Line | Grid
+
+
+def matrix(
+    title: str, rows: Sequence[Sequence[float | None]], row_name: str, column_name: str
+) -> Grid:
+    """Return a matrix as a grid; rows and columns are counted from 1."""
+    return Grid(
+        [title, *(f"{column_name} {column + 1}" for column in range(len(rows[0])))],
+        [[f"{row_name} {index + 1}", *map(number, row)] for index, row in enumerate(rows)],
+    )
+
+
+def peaks_grid(peaks: Peaks) -> Grid:
+    """Return the peaks of the three curves of mu, and what each means."""
+    rows = []
+    for title, name, meaning in CURVES:
+        peak = getattr(peaks, name)
+        rows.append((title, number(peak.value), number(peak.omega), meaning))
+    heads = ("peak of μ", "value", "ω (rad/time)", "over the whole set of plants")
+    return Grid(heads, rows, frozenset({0, 3}))
+
+
+def proof_lines(certificate: Mapping[str, Any] | None) -> Iterator[Line]:
+    """Yield what a certificate proves."""
+    if certificate is not None:
+        yield Line(
+            f"Proven: stable, and μ of robust performance at most {certificate['gamma']:.6g} at "
+            f"every frequency ({len(certificate['intervals'])} intervals)."
+        )
+
+
+def warning_lines(warnings: Sequence[str]) -> Iterator[Line]:
+    """Yield a line for each warning."""
+    for warning in warnings:
+        yield Line(f"Warning: {warning}", "warning")
+
+
+def form_parts(loops: Sequence[tuple[str, Controller]]) -> Iterator[Part]:
+    """Yield a formula and a grid for each form; the same named controllers in all of them."""
+    for form in forms([controller for _, controller in loops]):
+        blank = ("",) * (len(form.symbols) - 1)
+        rows = [
+            (name, row, *blank) if isinstance(row, str) else (name, *map(number, row))
+            for (name, _), row in zip(loops, form.rows, strict=True)
+        ]
+        yield Line(f"{form.name.capitalize()} form: {form.formula}")
+        yield Grid(("loop", *form.symbols), rows)
