@@ -7,9 +7,9 @@ from typing import Any
 import httpx
 import pytest
 from samples import altered
+from service.cli.step_response import simulate_file
 
 from service.analyses.step_response import EXAMPLE, StepResponseRequest, StepResponseResult
-from service.cli.step_response import simulate_file
 from service.schemas.parsing import parse
 
 PATH = "/v1/step-responses"
