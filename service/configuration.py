@@ -9,7 +9,7 @@ from pathlib import Path
 from pydantic import Field
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
-__all__ = ["Settings"]
+__all__ = ["Configuration"]
 
 
 def _default_data_dir() -> Path:
@@ -23,7 +23,7 @@ def _default_data_dir() -> Path:
     return base / "mutune"
 
 
-class Settings(BaseSettings):
+class Configuration(BaseSettings):
     """Settings of the service."""
 
     model_config = SettingsConfigDict(env_prefix="MUTUNE_", extra="ignore", frozen=True)

@@ -17,7 +17,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from service.cli.outcomes import ExitCode, read_input, reported, say
-from service.configuration import Settings
+from service.configuration import Configuration
 from service.jobs.engine import Engine, EngineLostError, WorkerLostError
 from service.jobs.records import JobStatus, Outcome
 from service.problems import UnavailableError, describe
@@ -132,14 +132,16 @@ class _Batch:
 
     async def run(self, scheduler: str | None) -> None:
         """Run to the end."""
-        settings = Settings()
-        engine = Engine(scheduler, settings.workers, self._wake.set)
+        configuration = Configuration()
+        engine = Engine(scheduler, configuration.workers, self._wake.set)
         await engine.start()
         running: set[asyncio.Task[None]] = set()
         try:
             while self._written < len(self._items):
                 while len(running) < engine.workers and (index := self._take()) is not None:
-                    task = asyncio.create_task(self._solve(engine, index, settings.max_attempts))
+                    task = asyncio.create_task(
+                        self._solve(engine, index, configuration.max_attempts)
+                    )
                     task.add_done_callback(lambda _task: self._wake.set())
                     running.add(task)
                 await self._wake.wait()

@@ -8,14 +8,14 @@ from pathlib import Path
 import typer
 
 from service.cli.outcomes import ExitCode, reported, say
-from service.configuration import Settings
+from service.configuration import Configuration
 from service.keys import KeyFile, Scope
 
 __all__ = ["create", "listing", "revoke"]
 
 
 def _path() -> Path | None:
-    path = Settings().api_keys_file
+    path = Configuration().api_keys_file
     if path is None:
         say("error: set MUTUNE_API_KEYS_FILE to the file of keys")
     return path

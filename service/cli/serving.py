@@ -13,7 +13,7 @@ from fastapi import FastAPI
 
 from service import logs
 from service.cli.outcomes import ExitCode, reported, say
-from service.configuration import Settings
+from service.configuration import Configuration
 from service.http.app import create_app
 
 __all__ = ["serve"]
@@ -72,8 +72,8 @@ def serve(host: str, port: int, *, insecure: bool = False) -> ExitCode:
         where the service could not start.
 
     """
-    settings = Settings()
-    if settings.api_keys_file is None and not insecure and not _is_loopback(host):
+    configuration = Configuration()
+    if configuration.api_keys_file is None and not insecure and not _is_loopback(host):
         say(
             f"error: {host} is open to others and no API keys are set. Create some (mutune keys "
             "create) and set MUTUNE_API_KEYS_FILE, or pass --insecure."
@@ -81,7 +81,7 @@ def serve(host: str, port: int, *, insecure: bool = False) -> ExitCode:
         return ExitCode.BAD_INPUT
     logs.configure()
     sys.setswitchinterval(_TURN)
-    server = _Server(create_app(settings), host, port)
+    server = _Server(create_app(configuration), host, port)
     with contextlib.suppress(KeyboardInterrupt):  # uvicorn raises it again once it has shut down
         server.run()
     return ExitCode.DONE if server.started else ExitCode.FAILED

@@ -8,7 +8,7 @@ import signal
 from distributed import Nanny
 
 from service.cli.outcomes import ExitCode, reported, say
-from service.configuration import Settings
+from service.configuration import Configuration
 from service.jobs import processes
 
 __all__ = ["work"]
@@ -34,7 +34,7 @@ def work(scheduler: str | None) -> ExitCode:
     if scheduler is None:
         say("error: name a scheduler by --scheduler or MUTUNE_SCHEDULER")
         return ExitCode.BAD_INPUT
-    asyncio.run(_work(scheduler, Settings().workers))
+    asyncio.run(_work(scheduler, Configuration().workers))
     return ExitCode.DONE
 
 

@@ -13,7 +13,7 @@ from fastapi import Depends, FastAPI
 from fastapi.middleware.cors import CORSMiddleware
 
 import service.http.openapi
-from service.configuration import Settings
+from service.configuration import Configuration
 from service.http import docs_page, errors
 from service.http.access import RateLimiter, authenticate
 from service.http.metrics import Metrics
@@ -52,12 +52,12 @@ _FOR_CALLERS = (tunings, batches, analyses, figures)
 _FOR_EVERYBODY = (examples, health, page)
 
 
-def create_app(settings: Settings | None = None) -> FastAPI:
+def create_app(configuration: Configuration | None = None) -> FastAPI:
     """Return the service as an ASGI app.
 
     Parameters
     ----------
-    settings : Settings or None
+    configuration : Configuration or None
         None: from the environment.
 
     """
@@ -72,12 +72,12 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         redoc_url=None,
         lifespan=_lifespan,
     )
-    app.state.settings = settings or Settings()
+    app.state.configuration = configuration or Configuration()
     app.state.metrics = Metrics()
     errors.install(app)
-    keys = app.state.settings.api_keys_file
+    keys = app.state.configuration.api_keys_file
     app.state.keys = None if keys is None else KeyFile(keys)
-    app.state.limiter = RateLimiter(app.state.settings.requests_per_minute)
+    app.state.limiter = RateLimiter(app.state.configuration.requests_per_minute)
     for module in _FOR_CALLERS:
         app.include_router(
             module.router,
@@ -94,10 +94,10 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         return app.openapi_schema
 
     app.openapi = openapi  # type: ignore[method-assign]  # FastAPI's way to extend the document
-    if app.state.settings.cors_origins:
+    if app.state.configuration.cors_origins:
         app.add_middleware(
             CORSMiddleware,
-            allow_origins=app.state.settings.cors_origins,
+            allow_origins=app.state.configuration.cors_origins,
             allow_methods=["GET", "POST", "DELETE"],
             allow_headers=["Authorization", "Content-Type", "Idempotency-Key", "Prefer"],
             expose_headers=["Location", "Retry-After", "X-Request-Id"],
@@ -110,33 +110,33 @@ def create_app(settings: Settings | None = None) -> FastAPI:
 
 @asynccontextmanager
 async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
-    settings: Settings = app.state.settings
+    configuration: Configuration = app.state.configuration
     async with AsyncExitStack() as stack:
-        stack.enter_context(database.sole_user(settings.url))
-        connections = database.connect(settings.url)
+        stack.enter_context(database.sole_user(configuration.url))
+        connections = database.connect(configuration.url)
         stack.callback(connections.dispose)
         await asyncio.to_thread(database.migrate, connections)
         await asyncio.to_thread(app.openapi)  # half a second, for which no caller should wait
 
         transactions = Transactions(connections)
-        store = app.state.store = Store(transactions, settings.max_queued)
+        store = app.state.store = Store(transactions, configuration.max_queued)
         queue = Queue(transactions)
         watcher = app.state.watcher = Watcher(store)
-        app.state.pool = Pool(settings.analysis_processes, settings.analysis_time_limit)
+        app.state.pool = Pool(configuration.analysis_processes, configuration.analysis_time_limit)
         stack.push_async_callback(app.state.pool.close)
 
         def wake() -> None:
             app.state.dispatcher.wake()
 
-        engine = app.state.engine = Engine(settings.scheduler, settings.workers, wake)
+        engine = app.state.engine = Engine(configuration.scheduler, configuration.workers, wake)
         dispatcher = app.state.dispatcher = Dispatcher(
-            queue, engine, settings.max_attempts, watcher, app.state.metrics.observe_job
+            queue, engine, configuration.max_attempts, watcher, app.state.metrics.observe_job
         )
         await engine.start()
         stack.push_async_callback(engine.close)
         await stack.enter_async_context(_background(watcher.run()))
         await stack.enter_async_context(_background(lead(connections, dispatcher.run)))
-        await stack.enter_async_context(_background(expire(queue, settings.retention_days)))
+        await stack.enter_async_context(_background(expire(queue, configuration.retention_days)))
         yield
 
 

@@ -41,7 +41,7 @@ async def read_bytes(request: Request) -> bytes:
 
     """
     check_media_type(request)
-    limit: int = request.app.state.settings.max_body_bytes
+    limit: int = request.app.state.configuration.max_body_bytes
     chunks: list[bytes] = []
     size = 0
     async for chunk in request.stream():

@@ -17,18 +17,23 @@ _LARGEST_BOUND = 1e9  # as solver.tuning.specification.Bounds
 
 
 class Loop(RequestModel):
-    """Settings of one loop, c(s) = k (1 + tau_I s)/(tau_I s) (1 + tau_D s)/(1 + 0.1 tau_D s)."""
+    """Settings of one loop, c(s) = k (1 + tau_I s)/(tau_I s) (1 + tau_D s)/(1 + tau_F s)."""
 
     gain: Gain = Field(description="Controller gain k, not zero.", examples=[46.3])
     integral_time: PositiveTime = Field(description="Integral time tau_I.", examples=[101.0])
     derivative_time: PositiveTime | None = Field(
         default=None, description="Derivative time tau_D; null for PI.", examples=[None, 5.0]
     )
+    filter_time: PositiveTime | None = Field(
+        default=None,
+        description="Filter time tau_F; null: 0.1 tau_D, and no filter for PI.",
+        examples=[None, 0.5],
+    )
 
     def build(self) -> solver.model.controllers.Controller:
         """Return the solver's controller."""
         return solver.model.controllers.Controller(
-            self.gain, self.integral_time, self.derivative_time
+            self.gain, self.integral_time, self.derivative_time, self.filter_time
         )
 
 
@@ -75,7 +80,7 @@ class Bounds(RequestModel):
     def build(self) -> solver.tuning.specification.Bounds:
         """Return the solver's bounds."""
         return solver.tuning.specification.Bounds(
-            self.gain, self.integral_time, self.derivative_time
+            self.gain, self.integral_time, self.derivative_time, self.filter_time
         )
 
 

@@ -9,7 +9,7 @@ import pytest
 import structlog
 from serving import served
 
-from service.configuration import Settings
+from service.configuration import Configuration
 from service.http.app import create_app
 
 # Requests that end late would print their line into the output of a later test.
@@ -26,6 +26,6 @@ def _fake_tuner() -> Iterator[None]:
 @pytest.fixture(scope="session")
 def client(_fake_tuner: None, tmp_path_factory: pytest.TempPathFactory) -> Iterator[httpx.Client]:
     """Client of a service with two workers and an empty job table."""
-    settings = Settings(data_dir=tmp_path_factory.mktemp("data"), workers=2)
-    with served(create_app(settings)) as client:
+    configuration = Configuration(data_dir=tmp_path_factory.mktemp("data"), workers=2)
+    with served(create_app(configuration)) as client:
         yield client

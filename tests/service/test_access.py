@@ -8,7 +8,7 @@ import pytest
 from samples import ROBUSTNESS, tuning
 from serving import served
 
-from service.configuration import Settings
+from service.configuration import Configuration
 from service.http.access import RateLimiter
 from service.http.app import create_app
 from service.keys import Key, KeyFile, KeyFileError, Scope
@@ -25,7 +25,7 @@ def client(
     _fake_tuner: None, keys: KeyFile, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[httpx.Client]:
     """Client of a service with keys."""
-    settings = Settings(
+    configuration = Configuration(
         data_dir=tmp_path_factory.mktemp("data"),
         workers=1,
         api_keys_file=keys._path,  # noqa: SLF001 - the fixture's own file
@@ -33,7 +33,7 @@ def client(
         max_queued=2,
         max_time_limit=100,
     )
-    with served(create_app(settings)) as client:
+    with served(create_app(configuration)) as client:
         yield client
 
 

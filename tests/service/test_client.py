@@ -21,7 +21,7 @@ from service.analyses.parallel_drives import ParallelDrivesRequest
 from service.analyses.relay import RelayExperimentRequest
 from service.analyses.step_response import StepResponseRequest
 from service.client import Client, JobEndedError, ServiceError, ServiceUnreachableError
-from service.configuration import Settings
+from service.configuration import Configuration
 from service.http.app import create_app
 from service.keys import KeyFile, Scope
 from service.schemas import TuningRequest
@@ -188,8 +188,10 @@ def test_api_key_is_sent(tmp_path: Path) -> None:
     """A service with keys knows the client by its key."""
     keys = KeyFile(tmp_path / "keys.jsonl")
     key = keys.create("test", tuple(Scope))
-    settings = Settings(data_dir=tmp_path, workers=1, api_keys_file=tmp_path / "keys.jsonl")
-    with served(create_app(settings)) as http:
+    configuration = Configuration(
+        data_dir=tmp_path, workers=1, api_keys_file=tmp_path / "keys.jsonl"
+    )
+    with served(create_app(configuration)) as http:
         http.get("/healthz")
         for api_key, status in ((None, 401), (key, 404)):
             with (

@@ -16,7 +16,7 @@ from real import DASK, MUTUNE, Process, Service, free_port, until
 from samples import tuning
 from serving import served
 
-from service.configuration import Settings
+from service.configuration import Configuration
 from service.http.app import create_app
 from service.jobs import engine
 
@@ -143,7 +143,7 @@ def test_worker_of_another_version_gets_no_work(
 ) -> None:
     """A worker with another version of mutune is refused, and readiness names it."""
     monkeypatch.setattr(engine, "VERSION", "0.0.0")
-    with served(create_app(Settings(data_dir=tmp_path, workers=1))) as client:
+    with served(create_app(Configuration(data_dir=tmp_path, workers=1))) as client:
         until(lambda: _readiness(client)["refused_workers"], "the refusal")
         assert client.get("/readyz").status_code == 503
         assert _readiness(client)["workers"] == 0

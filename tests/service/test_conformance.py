@@ -12,7 +12,7 @@ from schemathesis import Case
 from schemathesis.config import SchemathesisConfig
 from serving import served
 
-from service.configuration import Settings
+from service.configuration import Configuration
 from service.http.app import create_app
 
 _SHORT = "^/v1/tunings|^/v1/examples|^/v1/controller-forms|^/v1/robustness|z$|^/metrics"
@@ -51,10 +51,10 @@ def address(_fake_tuner: None, tmp_path_factory: pytest.TempPathFactory) -> Iter
     digest = hashlib.sha256(SECRET.encode()).hexdigest()
     entry = {"id": KEY, "name": "", "scopes": ["read", "write"], "digest": digest, "created_at": 0}
     (folder / "keys").write_text(json.dumps(entry))
-    settings = Settings(
+    configuration = Configuration(
         data_dir=folder, workers=1, api_keys_file=folder / "keys", requests_per_minute=1_000_000
     )
-    with served(create_app(settings)) as client:
+    with served(create_app(configuration)) as client:
         yield str(client.base_url)
 
 

@@ -17,7 +17,7 @@ from serving import served
 from typer.testing import CliRunner
 
 from service.cli.commands import app
-from service.configuration import Settings
+from service.configuration import Configuration
 from service.http.app import create_app
 from service.jobs import database
 
@@ -91,7 +91,7 @@ def test_locked_database_is_503_with_a_time_to_come_back(
     """While another program holds the file nothing is accepted, and nothing is half-done."""
     monkeypatch.setattr(database, "_BUSY_SECONDS", 0.05)
     with (
-        served(create_app(Settings(data_dir=tmp_path, workers=1))) as client,
+        served(create_app(Configuration(data_dir=tmp_path, workers=1))) as client,
         closing(sqlite3.connect(tmp_path / "mutune.sqlite3", isolation_level=None)) as holder,
     ):
         holder.execute("BEGIN IMMEDIATE")

@@ -69,20 +69,20 @@ async def post_batch(request: Request, idempotency_key: IdempotencyKey = None) -
 
 async def _jobs(request: Request) -> AsyncIterator[NewJob]:
     """Parse the tunings one by one as they arrive."""
-    settings = request.app.state.settings
-    reader = ArrayReader("tunings", settings.max_body_bytes)
+    configuration = request.app.state.configuration
+    reader = ArrayReader("tunings", configuration.max_body_bytes)
     index = 0
-    async for text in reader.items(_limited(request, settings.max_batch_bytes)):
+    async for text in reader.items(_limited(request, configuration.max_batch_bytes)):
         pointer = f"/tunings/{index}"
-        if index >= settings.max_batch_items:
-            detail = f"a batch has at most {settings.max_batch_items} tunings"
+        if index >= configuration.max_batch_items:
+            detail = f"a batch has at most {configuration.max_batch_items} tunings"
             raise RequestError((Fault("/tunings", detail),))
         try:
             body = parse_tuning_request(text)
         except RequestError as error:
             raise error.within(pointer) from None
         with below(pointer):
-            yield new_job(body, settings.max_time_limit)
+            yield new_job(body, configuration.max_time_limit)
         index += 1
         if index % _BREATH == 0:
             await asyncio.sleep(0)
@@ -169,7 +169,7 @@ async def _results(request: Request, batch_id: str, start: int) -> AsyncIterator
             yield "".join(ended)
             start += len(ended)
         else:
-            await state.watcher.wait(items[0].job_id, state.settings.max_wait)
+            await state.watcher.wait(items[0].job_id, state.configuration.max_wait)
 
 
 async def _batch(

@@ -81,13 +81,13 @@ async def post_tuning(
     request: Request, idempotency_key: IdempotencyKey = None, prefer: Prefer = None
 ) -> Response:
     """Accept a tuning as a job."""
-    settings = request.app.state.settings
-    new = new_job(await bodies.read(request, TuningRequest), settings.max_time_limit)
+    configuration = request.app.state.configuration
+    new = new_job(await bodies.read(request, TuningRequest), configuration.max_time_limit)
     async with accepting():
         job = await asyncio.to_thread(_store(request).submit, owner(request), new, idempotency_key)
     request.app.state.dispatcher.wake()
     headers = {"Location": f"/v1/tunings/{job.id}"}
-    seconds = _preferred_wait(prefer, settings.max_wait)
+    seconds = _preferred_wait(prefer, configuration.max_wait)
     if seconds is not None and job.snapshot.status not in FINAL:
         ended = await request.app.state.watcher.wait(job.id, seconds)
         job = await find_job(request, job.id) if ended is None else _after(job, ended)
