@@ -80,7 +80,7 @@ class Bounds(RequestModel):
     def build(self) -> solver.tuning.specification.Bounds:
         """Return the solver's bounds."""
         return solver.tuning.specification.Bounds(
-            self.gain, self.integral_time, self.derivative_time, self.filter_time
+            self.gain, self.integral_time, self.derivative_time
         )
 
 
