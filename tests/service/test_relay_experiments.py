@@ -7,9 +7,9 @@ from typing import Any
 import httpx
 import pytest
 from samples import altered
-from service.cli.relay import relay_file
 
 from service.analyses.relay import EXAMPLE, RelayExperimentRequest, RelayExperimentResult
+from service.cli.analysing import analyse_file
 from service.schemas.parsing import parse
 
 PATH = "/v1/relay-experiments"
@@ -96,12 +96,12 @@ def test_command_line_prints_the_same(
     file = tmp_path / "request.json"
     for request in (OPEN, REQUEST, {**REQUEST, "duration": 2.0}):
         file.write_text(json.dumps(request), encoding="utf-8")
-        assert relay_file(file, as_json=True) == 0
+        assert analyse_file("relay", file, as_json=True) == 0
         assert json.loads(capsys.readouterr().out) == client.post(PATH, json=request).json()
-        assert relay_file(file, as_json=False) == 0
+        assert analyse_file("relay", file, as_json=False) == 0
         assert "half period" in capsys.readouterr().out
     file.write_text("{}", encoding="utf-8")
-    assert relay_file(file, as_json=True) == 2
+    assert analyse_file("relay", file, as_json=True) == 2
     assert "/plant" in capsys.readouterr().err
 
 

@@ -7,9 +7,9 @@ from typing import Any
 import httpx
 import pytest
 from samples import altered
-from service.cli.step_response import simulate_file
 
 from service.analyses.step_response import EXAMPLE, StepResponseRequest, StepResponseResult
+from service.cli.analysing import analyse_file
 from service.schemas.parsing import parse
 
 PATH = "/v1/step-responses"
@@ -215,13 +215,13 @@ def test_command_line_prints_the_same(
     """``mutune step-response --json`` prints the JSON of the service; without, a table."""
     file = tmp_path / "request.json"
     file.write_text(json.dumps(REQUEST), encoding="utf-8")
-    assert simulate_file(file, as_json=True) == 0
+    assert analyse_file("step_response", file, as_json=True) == 0
     printed = json.loads(capsys.readouterr().out)
     assert printed == client.post(PATH, json=REQUEST).json()
-    assert simulate_file(file, as_json=False) == 0
+    assert analyse_file("step_response", file, as_json=False) == 0
     assert "settle" in capsys.readouterr().out
     file.write_text(json.dumps(altered(REQUEST, "/duration", 0)), encoding="utf-8")
-    assert simulate_file(file, as_json=True) == 2
+    assert analyse_file("step_response", file, as_json=True) == 2
     assert "/duration" in capsys.readouterr().err
 
 
