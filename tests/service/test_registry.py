@@ -12,12 +12,10 @@ from typing import Any
 
 import pytest
 
-import service
-import solver
 from service import registry
 from service.client import Client
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
+ROOT = Path(__file__).parents[2]
 
 TOY = '''"""Double a number.
 
@@ -98,7 +96,10 @@ from service.http.app import create_app
 
 def main():
     body = {"number": 1.5}
-    configuration = Configuration(data_dir=Path(sys.argv[1]), workers=1, analysis_processes=1)
+    # The kernels may have to be compiled first.
+    configuration = Configuration(
+        data_dir=Path(sys.argv[1]), workers=1, analysis_processes=1, analysis_time_limit=300
+    )
     with TestClient(create_app(configuration)) as http, Client() as mutune:
         mutune._http = http
         figures = http.post("/v1/figures/doublings?unit=min", json={"doubled": 3.0, "more": 1})
@@ -120,10 +121,9 @@ if __name__ == "__main__":
 
 @pytest.fixture(scope="module")
 def house(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with the service and one file more in it, and the solver."""
+    """Return a folder with the service and one file more in it."""
     folder = tmp_path_factory.mktemp("house")
-    for package in (service, solver):
-        shutil.copytree(Path(str(package.__file__)).parent, folder / package.__name__)
+    shutil.copytree(ROOT / "service", folder / "service")
     (folder / "service" / "analyses" / "toy_doubling.py").write_text(TOY)
     (folder / "use.py").write_text(USE)
     return folder
@@ -133,7 +133,7 @@ def run(house: Path, *arguments: str, text: str = "") -> str:
     """Return what a Python process says that has the service from there."""
     done = subprocess.run(  # noqa: S603 - our own interpreter and texts
         [sys.executable, *arguments],
-        env={**os.environ, "PYTHONPATH": str(house)},
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(house), str(ROOT)])},
         cwd=house,
         input=text,
         capture_output=True,
