@@ -45,10 +45,10 @@ class Configuration(BaseSettings):
         description="Local worker processes, where no scheduler is set.",
     )
     analysis_processes: int = Field(
-        default=1, ge=1, description="Processes for analyses that are answered in the request."
+        default=1, ge=1, description="Processes for analyses within the request."
     )
     analysis_time_limit: float = Field(
-        default=30.0, gt=0, description="Longest analysis answered in the request, seconds."
+        default=30.0, gt=0, description="Longest analysis within the request, seconds."
     )
     max_body_bytes: int = Field(
         default=1_000_000, ge=1, description="Largest request body, batches excepted."

@@ -77,7 +77,7 @@ class ProblemError(Exception):
     detail : str
         What happened this time.
     headers : mapping
-        Headers of the answer.
+        Headers of the response.
     faults : tuple of Fault
         The faulty values.
 
@@ -100,7 +100,7 @@ class ParameterError(ProblemError):
 
 
 class NumbersError(ProblemError):
-    """Numbers so far apart that double precision cannot hold the answer."""
+    """Numbers so far apart that double precision cannot hold the result."""
 
     def __init__(self) -> None:
         super().__init__("The numbers are too large, too small or too far apart to compute with.")

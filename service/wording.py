@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -33,8 +34,10 @@ _PEAKS = (
 
 
 def number(value: float | None, digits: int = 5) -> str:
-    """Return `value` with so many significant digits, or a dash."""
-    return "-" if value is None else f"{value:.{digits}g}"
+    """Return `value` with so many significant digits, a dash for none, a sign for infinity."""
+    if value is None:
+        return "-"
+    return f"{value:.{digits}g}" if math.isfinite(value) else f"{'-' * (value < 0)}∞"
 
 
 def headline(result: TuningResult, unit: str = TIME_UNIT) -> str:

@@ -46,7 +46,7 @@ async def read_bytes(request: Request) -> bytes:
     size = 0
     async for chunk in request.stream():
         size += len(chunk)
-        # A connection closed with unread data is reset, and the answer may be lost with it: a
+        # A connection closed with unread data is reset, and the response may be lost with it: a
         # body not far beyond the limit is read to its end, and forgotten.
         if size > limit + _FORGOTTEN:
             break

@@ -22,7 +22,7 @@ class Metrics:
         self.registry = CollectorRegistry()
         self._latency = Histogram(
             "mutune_http_request_seconds",
-            "Time from the request to the end of its answer.",
+            "Time from the request to the end of its response.",
             ("method", "route", "status"),
             buckets=_LATENCY,
             registry=self.registry,
@@ -49,7 +49,7 @@ class Metrics:
         )
 
     def observe_request(self, method: str, route: str, status: int, seconds: float) -> None:
-        """Note an answered request."""
+        """Note a request that has its response."""
         self._latency.labels(method, route, status).observe(seconds)
 
     def observe_job(self, ended: Ended) -> None:

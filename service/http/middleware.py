@@ -73,7 +73,7 @@ def _request_id(scope: Scope) -> str:
 
 
 class Compressed:
-    """Compress answers, except the streams that a client reads line by line as they come."""
+    """Compress responses, except the streams that a client reads line by line as they come."""
 
     def __init__(self, app: ASGIApp) -> None:
         self._plain = app

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from service.jobs.engine import Engine, EngineLostError, WorkerLostError
 from service.jobs.queue import Queue
-from service.jobs.records import Claim, Ended, JobStatus, Outcome, Priority, Turn
+from service.jobs.records import Claim, Dispatch, Ended, JobStatus, Outcome, Priority
 from service.jobs.transactions import StoreUnavailableError
 from service.jobs.watch import Watcher
 from service.problems import WorkerDiedError, describe
@@ -28,7 +28,7 @@ logger = logging.getLogger(__name__)
 
 
 @dataclass(eq=False)
-class _Run:
+class _RunningJob:
     """A job on the engine."""
 
     claim: Claim
@@ -72,7 +72,7 @@ class Dispatcher:
         self._watcher = watcher
         self._on_end = on_end
         self._wake = asyncio.Event()
-        self._runs: set[_Run] = set()
+        self._runs: set[_RunningJob] = set()
         self._ended: list[Ended] = []
         self._progress: dict[str, tuple[float, float | None]] = {}
 
@@ -82,7 +82,7 @@ class Dispatcher:
 
     async def run(self) -> None:
         """Dispatch until cancelled; then stop the running jobs and put them back."""
-        await self._insist(self._queue.requeue_all)
+        await self._write_until_accepted(self._queue.requeue_all)
         try:
             while True:
                 self._wake.clear()
@@ -102,36 +102,36 @@ class Dispatcher:
         progress, self._progress = self._progress, {}
         runs = {run.claim.id: run for run in self._runs}
         idle = max(self._engine.workers - len(self._runs), 0)
-        turn = await self._exchange(progress, list(runs), idle)
-        for claim in turn.claims:
+        dispatch = await self._exchange(progress, list(runs), idle)
+        for claim in dispatch.claims:
             self._begin(claim)
-        for job_id in turn.cancelled:
+        for job_id in dispatch.cancelled:
             runs[job_id].stop()
-        if turn.waiting:
-            self._make_room(turn.waiting)
+        if dispatch.waiting:
+            self._make_room(dispatch.waiting)
         if progress:
             self._watcher.poke()
 
     async def _exchange(
         self, progress: dict[str, tuple[float, float | None]], running: list[str], idle: int
-    ) -> Turn:
+    ) -> Dispatch:
         """Exchange with the queue; what could not be written stays for the next time."""
         ended, self._ended = self._ended, []
         try:
-            turn = await asyncio.to_thread(
+            dispatch = await asyncio.to_thread(
                 self._queue.exchange, ended, progress, running, idle, _PATIENCE
             )
         except BaseException:
             self._ended = ended + self._ended
             raise
         for one in ended:
-            if one.claim.id in turn.written:
+            if one.claim.id in dispatch.written:
                 self._watcher.tell(one)
                 self._on_end(one)
-        return turn
+        return dispatch
 
     def _begin(self, claim: Claim) -> None:
-        run = _Run(claim)
+        run = _RunningJob(claim)
         self._runs.add(run)
         run.task = asyncio.create_task(self._run(run))
 
@@ -142,7 +142,7 @@ class Dispatcher:
         for run in of_batch[:waiting]:
             run.stop()
 
-    async def _run(self, run: _Run) -> None:
+    async def _run(self, run: _RunningJob) -> None:
         claim = run.claim
 
         def note(fraction: float, best: float | None) -> None:
@@ -172,7 +172,7 @@ class Dispatcher:
         self._end(claim, Outcome(JobStatus.FAILED, error=error))
 
     async def _put_back(self, write: Callable[..., object], *arguments: object) -> None:
-        await self._insist(write, *arguments)
+        await self._write_until_accepted(write, *arguments)
         self._watcher.poke()
         self.wake()
 
@@ -184,7 +184,7 @@ class Dispatcher:
         self._ended.append(Ended(claim, outcome, time.time()))
         self.wake()
 
-    async def _insist(self, write: Callable[..., object], *arguments: object) -> None:
+    async def _write_until_accepted(self, write: Callable[..., object], *arguments: object) -> None:
         """Write, and try again until the database takes it: the result must not be lost."""
         while True:
             try:

@@ -24,7 +24,7 @@ from distributed.comm import CommClosedError
 
 from service.jobs import processes
 from service.jobs.records import JobStatus, Outcome
-from service.jobs.work import TOPIC, Solver
+from service.jobs.work import TOPIC, TuningActor
 from service.problems import TimeLimitError, describe
 
 __all__ = ["Engine", "EngineLostError", "WorkerLostError"]
@@ -52,7 +52,7 @@ class EngineLostError(Exception):
 
 
 @dataclass(frozen=True)
-class _Solver:
+class _Placed:
     """The actor on a worker; Dask keeps it as long as there is the future."""
 
     future: Future
@@ -60,19 +60,19 @@ class _Solver:
 
 
 @dataclass
-class _Run:
+class _Call:
     """A call on its way: its name, who hears of its progress, and the call itself."""
 
     on_progress: Callable[[float, float | None], None]
-    call: str = field(default_factory=lambda: uuid.uuid4().hex)
+    name: str = field(default_factory=lambda: uuid.uuid4().hex)
     solving: asyncio.Future[Outcome] | None = None
 
 
 class Engine:
     """Runs tunings on Dask workers.
 
-    Each worker that it admits gets an actor, `Solver`, which the engine calls with one tuning at
-    a time: whoever kills a worker is known, and takes nobody along.
+    Each worker that it admits gets a `TuningActor`, which the engine calls with one tuning at a
+    time: whoever kills a worker is known, and takes nobody along.
 
     Parameters
     ----------
@@ -93,10 +93,10 @@ class Engine:
         self._client: Client | None = None
         self._supervision: asyncio.Task[None] | None = None
         self._closing = asyncio.Event()
-        self._solvers: dict[str, _Solver] = {}
+        self._solvers: dict[str, _Placed] = {}
         self._refused: set[str] = set()
         self._leaving: set[str] = set()
-        self._busy: dict[str, _Run] = {}
+        self._busy: dict[str, _Call] = {}
 
     @property
     def workers(self) -> int:
@@ -148,29 +148,29 @@ class Engine:
         if self._client is None or not idle:
             raise EngineLostError
         worker = min(idle)
-        run = self._busy[worker] = _Run(on_progress)
+        call = self._busy[worker] = _Call(on_progress)
         try:
-            return await self._run_on(self._client, worker, run, request, time_limit)
+            return await self._run_on(self._client, worker, call, request, time_limit)
         finally:
             del self._busy[worker]
             self._on_idle()
 
     async def _run_on(
-        self, client: Client, worker: str, run: _Run, request: str, time_limit: float
+        self, client: Client, worker: str, call: _Call, request: str, time_limit: float
     ) -> Outcome:
         actor = self._solvers[worker].actor
-        run.solving = asyncio.ensure_future(_solve(actor, run.call, request))
+        call.solving = asyncio.ensure_future(_solve(actor, call.name, request))
         try:
             limit = time_limit + _OVERTIME
-            done, _ = await asyncio.wait({run.solving}, timeout=limit)
+            done, _ = await asyncio.wait({call.solving}, timeout=limit)
             if not done:
-                await self._stop(client, worker, run)
+                await self._stop(client, worker, call)
                 return Outcome(JobStatus.TIMED_OUT, error=_OVERDUE)
-            return run.solving.result()
+            return call.solving.result()
         except asyncio.CancelledError:
-            if run.solving.cancelled():  # by us, when the worker was gone
+            if call.solving.cancelled():  # by us, when the worker was gone
                 raise EngineLostError from None
-            await self._stop(client, worker, run)
+            await self._stop(client, worker, call)
             raise
         except (OSError, CommClosedError) as error:
             self._solvers.pop(worker, None)
@@ -181,16 +181,16 @@ class Engine:
             self._solvers.pop(worker, None)
             raise EngineLostError(str(error)) from error
 
-    async def _stop(self, client: Client, worker: str, run: _Run) -> None:
+    async def _stop(self, client: Client, worker: str, call: _Call) -> None:
         """Tell the actor, whose callback obeys; restart a worker that does not."""
-        solving = run.solving
+        solving = call.solving
         if solving is None:
             return
         solver = self._solvers.get(worker)
         with contextlib.suppress(CommClosedError, OSError, RuntimeError, TimeoutError):
             async with asyncio.timeout(_GRACE):
                 if solver is not None:
-                    await solver.actor.stop(run.call)
+                    await solver.actor.stop(call.name)
                 await asyncio.wait({solving})
         if not solving.done():
             logger.warning("worker %s does not answer; it is restarted", worker)
@@ -201,11 +201,11 @@ class Engine:
         else:
             solving.exception()  # looked at: nobody else will
 
-    def _hear(self, event: tuple[float, dict[str, Any]]) -> None:
+    def _on_event(self, event: tuple[float, dict[str, Any]]) -> None:
         _, message = event
-        for run in self._busy.values():
-            if run.call == message["call"]:
-                run.on_progress(message["fraction"], message["best"])
+        for call in self._busy.values():
+            if call.name == message["call"]:
+                call.on_progress(message["fraction"], message["best"])
 
     async def _supervise(self) -> None:
         """Keep connected and keep the list of admitted workers up to date."""
@@ -213,7 +213,7 @@ class Engine:
             try:
                 if self._client is None:
                     self._client = await self._connect()
-                await self._look(self._client)
+                await self._update_workers(self._client)
             except (CommClosedError, OSError, RuntimeError) as error:
                 logger.warning("no connection to the scheduler: %s", error)
                 await self._disconnect()
@@ -228,7 +228,7 @@ class Engine:
         client: Client = await Client(
             target, asynchronous=True, set_as_default=False, direct_to_workers=True, timeout=5
         )
-        client.subscribe_topic(TOPIC, self._hear)
+        client.subscribe_topic(TOPIC, self._on_event)
         return client
 
     async def _disconnect(self) -> None:
@@ -238,7 +238,7 @@ class Engine:
             with contextlib.suppress(CommClosedError, OSError, TimeoutError):
                 await client.close(timeout=2)
 
-    async def _look(self, client: Client) -> None:
+    async def _update_workers(self, client: Client) -> None:
         """See which workers there are; admit new ones, give up tasks of those that left."""
         if client.status != "running":
             message = f"the client is {client.status}"
@@ -258,10 +258,10 @@ class Engine:
         self._leaving = missing
         unknown = sorted(present - self._solvers.keys() - self._refused)
         if unknown:
-            versions = await client.run(_introduce, workers=unknown, on_error="ignore")
-            await self._judge(client, versions)
+            versions = await client.run(_report_version, workers=unknown, on_error="ignore")
+            await self._admit(client, versions)
 
-    async def _judge(self, client: Client, versions: dict[str, str]) -> None:
+    async def _admit(self, client: Client, versions: dict[str, str]) -> None:
         fitting = [worker for worker, found in versions.items() if found == VERSION]
         solvers = await asyncio.gather(*(_place(client, worker) for worker in fitting))
         self._solvers |= {
@@ -280,14 +280,14 @@ class Engine:
         self._on_idle()
 
 
-async def _place(client: Client, worker: str) -> _Solver | None:
+async def _place(client: Client, worker: str) -> _Placed | None:
     """Put a solver on a worker; None where it does not take one, and a later look tries again."""
     key = f"solver-{uuid.uuid4().hex}"
-    future = client.submit(Solver, key, key=key, pure=False, workers=[worker], actor=True)
+    future = client.submit(TuningActor, key, key=key, pure=False, workers=[worker], actor=True)
     try:
         async with asyncio.timeout(_PLACING):
             with client.as_current():  # an actor speaks through the client that is current
-                return _Solver(future, await future)
+                return _Placed(future, await future)
     except (KilledWorker, FutureCancelledError, TimeoutError):
         return None
 
@@ -312,7 +312,7 @@ async def _local_cluster(workers: int) -> LocalCluster:
     return cluster
 
 
-def _introduce() -> str:
+def _report_version() -> str:
     """Return the version of mutune on a worker, which from now on knows its place."""
     os.setpriority(os.PRIO_PROCESS, 0, _NICE)
     # A terminal sends it to all processes; the parent stops its workers in good order.

@@ -25,7 +25,7 @@ from sqlalchemy import (
 )
 
 from service.jobs.models import BatchRow, JobRow
-from service.jobs.records import FINAL, UNFINISHED, Claim, Ended, JobStatus, Priority, Turn
+from service.jobs.records import FINAL, UNFINISHED, Claim, Dispatch, Ended, JobStatus, Priority
 from service.jobs.transactions import Transactions
 
 __all__ = ["Queue"]
@@ -92,7 +92,7 @@ class Queue:
         running: Sequence[str],
         idle: int,
         patience: float,
-    ) -> Turn:
+    ) -> Dispatch:
         """Write what happened and return what is to happen next, in one transaction.
 
         Parameters
@@ -125,7 +125,7 @@ class Queue:
             if running and not idle:
                 waiting = connection.scalar(_WAITING, {"before": now - patience}) or 0
             claims = _claim(connection, idle, now) if idle else []
-        return Turn(claims, frozenset(running) - kept, waiting, written)
+        return Dispatch(claims, frozenset(running) - kept, waiting, written)
 
     def _transaction(
         self, ended: Sequence[Ended], *, writes: bool

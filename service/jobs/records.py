@@ -11,6 +11,7 @@ __all__ = [
     "Batch",
     "BatchItem",
     "Claim",
+    "Dispatch",
     "Ended",
     "Job",
     "JobStatus",
@@ -18,7 +19,6 @@ __all__ = [
     "Outcome",
     "Priority",
     "Snapshot",
-    "Turn",
 ]
 
 
@@ -37,7 +37,7 @@ class JobStatus(StrEnum):
 
 
 class Priority(IntEnum):
-    """Turn in the queue: the lower goes first."""
+    """Place in the queue: the lower goes first."""
 
     INTERACTIVE = 0
     BATCH = 10
@@ -116,7 +116,7 @@ class Ended:
 
 
 @dataclass(frozen=True)
-class Turn:
+class Dispatch:
     """What the queue has for the dispatcher.
 
     Parameters

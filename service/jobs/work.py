@@ -19,7 +19,7 @@ from service.problems import NumbersError, describe
 from solver.model.errors import Cancelled, InvalidInputError
 from solver.tuning.record import Progress, Status, Tuning
 
-__all__ = ["TOPIC", "Solver"]
+__all__ = ["TOPIC", "TuningActor"]
 
 TOPIC = "mutune"
 _REPORT_EVERY = 0.25  # seconds: each report wakes three event loops
@@ -27,7 +27,7 @@ _REPORT_EVERY = 0.25  # seconds: each report wakes three event loops
 logger = logging.getLogger(__name__)
 
 
-class Solver:
+class TuningActor:
     """A Dask actor: lives in a worker process and computes there, one tuning at a time.
 
     The engine calls it directly, without the scheduler in between, which would cost several

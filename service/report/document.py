@@ -21,10 +21,10 @@ from service.figures.document import plain
 from service.figures.style import Theme, template
 from service.figures.tuning import tuning_figures
 from service.report import mathml
-from service.report.rendering import digits, render, source
+from service.report.rendering import render, source
 from service.schemas import canonical
 from service.tuned import Tuned
-from service.wording import OBJECTIVES, forms, headline, optimality_text, peak_rows
+from service.wording import OBJECTIVES, forms, headline, number, optimality_text, peak_rows
 from solver.model.plants import MatrixPlant
 from solver.robustness.margins import Margins, loop_margins
 
@@ -106,12 +106,12 @@ def _quoted(margins: Margins | None) -> tuple[str, ...]:
         return ("unstable", *["-"] * 5)
     factors = (margins.gain_decrease, margins.gain_increase)
     return (
-        " / ".join(digits(factor, 3) for factor in factors),
-        digits(margins.phase_margin, 3) + "°",
-        digits(margins.delay_margin, 3),
-        digits(margins.sensitivity.value, 3),
-        digits(margins.complementary_sensitivity.value, 3),
-        digits(margins.bandwidth, 3),
+        " / ".join(number(factor, 3) for factor in factors),
+        number(margins.phase_margin, 3) + "°",
+        number(margins.delay_margin, 3),
+        number(margins.sensitivity.value, 3),
+        number(margins.complementary_sensitivity.value, 3),
+        number(margins.bandwidth, 3),
     )
 
 

@@ -1,6 +1,6 @@
 """The parts of the analyses' results that figures show, as JSON.
 
-A figure is asked for with the answer of an analysis as it came; only what is drawn is read and
+A figure is asked for with the result of an analysis as it came; only what is drawn is read and
 checked, the rest is ignored.
 """
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.model.blocks import reduce
+from solver.model.memory import batch_length
 from solver.model.peaks import Peak, zoom
 from solver.model.plants import MatrixPlant, ParallelPlant
 from solver.mu.kernel import FINE
@@ -29,7 +30,6 @@ COARSE = 1e-4  # last barrier parameter while a peak is located; its value is fo
 WITHIN = 0.05  # local maxima lower than the greatest by more than this share are not refined
 SECTIONS = 8  # of a bracket; each round keeps two of them
 ROUNDS = 4  # 4^4 = 256: a step of a tenth of a decade becomes 1e-3, and the peak's error 1e-6
-MAX_ENTRIES = 4_000_000  # complex numbers in one batch of matrices, for the memory's sake
 
 
 def peaks(
@@ -58,7 +58,7 @@ def peaks(
     where, values = np.empty((2, 2, len(subsets.counts)))
     for members in _families(subsets):
         family = _Family.of(subsets, members, uncertainty, performance)
-        step = max(MAX_ENTRIES // (omega.size * 8 * family.channels.shape[1] ** 2), 1)
+        step = batch_length(omega.size * 8 * family.channels.shape[1] ** 2)
         for first in range(0, members.size, step):
             rows = np.arange(first, min(first + step, members.size))
             found = family.peak_frequencies(rows, omega)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.model.frequencies import corners, resonances
+from solver.model.memory import batch_length
 from solver.model.plants import ParallelPlant
 from solver.stability.closed_loop import INFINITELY_MANY, character, require_supported
 from solver.stability.encirclements import Batch, count_unstable
@@ -25,8 +26,6 @@ if TYPE_CHECKING:
     from solver.stability.encirclements import LoopGain
 
 __all__ = ["Subsets"]
-
-MAX_ENTRIES = 4_000_000  # complex numbers in one batch of matrices, for the memory's sake
 
 
 @dataclass(frozen=True)
@@ -60,7 +59,7 @@ class Subsets:
         """
         require_supported(self.plant)
         size = len(self.controllers)
-        step = max(MAX_ENTRIES // (1000 * size * size), 1)  # some 1000 frequencies
+        step = batch_length(1000 * size * size)  # some 1000 frequencies
         chunks = [self.counts[first : first + step] for first in range(0, len(self.counts), step)]
         at_origin = self._origin_poles()
         acting = (self.counts[:, self._integrating] > 0).sum(axis=1)

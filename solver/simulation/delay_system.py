@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from solver.model.memory import batch_length
+
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
 __all__ = ["DelaySystem"]
-
-MAX_ENTRIES = 4_000_000  # complex numbers in one batch of matrices, for the memory's sake
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +51,7 @@ class DelaySystem:
 
         """
         frequencies = np.atleast_1d(np.asarray(omega, dtype=float))
-        step = max(MAX_ENTRIES // max(self.A.shape[0] + self.dead_times.size, 1) ** 2, 1)
+        step = batch_length((self.A.shape[0] + self.dead_times.size) ** 2)
         parts = [
             self._response(external, signal, frequencies[first : first + step])
             for first in range(0, frequencies.size, step)

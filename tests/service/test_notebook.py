@@ -6,7 +6,11 @@ from pathlib import Path
 
 import nbformat
 import pytest
+from archived import published
 from nbclient import NotebookClient
+
+from service import notebook
+from service.schemas import RequestError
 
 NOTEBOOK = Path(__file__).parents[2] / "examples" / "quickstart.ipynb"
 
@@ -15,16 +19,16 @@ NOTEBOOK = Path(__file__).parents[2] / "examples" / "quickstart.ipynb"
 def executed(tmp_path_factory: pytest.TempPathFactory) -> tuple[nbformat.NotebookNode, Path]:
     """Return the notebook after a run in an empty folder, and that folder."""
     folder = tmp_path_factory.mktemp("notebook")
-    notebook = nbformat.read(NOTEBOOK, as_version=4)
+    document = nbformat.read(NOTEBOOK, as_version=4)
     NotebookClient(
-        notebook, timeout=120, kernel_name="python3", resources={"metadata": {"path": str(folder)}}
+        document, timeout=120, kernel_name="python3", resources={"metadata": {"path": str(folder)}}
     ).execute()
-    return notebook, folder
+    return document, folder
 
 
-def shown(notebook: nbformat.NotebookNode, source: str) -> dict[str, object]:
+def shown(document: nbformat.NotebookNode, source: str) -> dict[str, object]:
     """Return what the cell whose source ends with `source` displays, by MIME type."""
-    cell = next(cell for cell in notebook.cells if cell.source.endswith(source))
+    cell = next(cell for cell in document.cells if cell.source.endswith(source))
     return cell.outputs[-1].data
 
 
@@ -60,3 +64,21 @@ def test_sweep_costs_time(executed: tuple[nbformat.NotebookNode, Path]) -> None:
 def test_report_is_saved(executed: tuple[nbformat.NotebookNode, Path]) -> None:
     """The last cell leaves a report in the folder of the run."""
     assert (executed[1] / "report.html").read_text("utf-8").startswith("<!doctype html>")
+
+
+def test_view_shows_its_table_figures_and_report(tmp_path: Path) -> None:
+    """Without Jupyter: HTML for display, figures by name in the given unit, a report file."""
+    view = notebook.TuningView(published())
+    html = view._repr_html_()
+    assert "46.3" in html
+    assert view.result.tau_p == published().result.tau_p
+    assert {"mu", "controllers"} <= set(view.figures)
+    path = view.save_report(tmp_path / "report.html")
+    assert path.read_text("utf-8").startswith("<!doctype html>")
+
+
+def test_faults_of_a_request_are_named() -> None:
+    """As over HTTP: the place in the request."""
+    with pytest.raises(RequestError) as raised:
+        notebook.parse({"plant": {"kind": "first_order", "n": 0}})
+    assert "/plant/n" in [fault.pointer for fault in raised.value.faults]

@@ -5,6 +5,7 @@ from math import exp, log
 import numpy as np
 import pytest
 
+from solver.model import memory
 from solver.model.errors import InvalidInputError
 from solver.model.plants import MatrixPlant, ParallelPlant, Plant, first_order
 from solver.model.transfer_function import TransferFunction
@@ -17,7 +18,7 @@ from solver.relay import (
     relay_experiment,
 )
 from solver.relay.experiment import wire
-from solver.simulation import Loop, Step, StepKind, delay_system
+from solver.simulation import Loop, Step, StepKind
 
 
 def alone(process: TransferFunction, relay: Relay, duration: float) -> RelayOutcome:
@@ -155,7 +156,7 @@ def test_frequency_responses_of_many_points_are_taken_in_parts(
     omega = np.geomspace(0.1, 10, 50)
     loop = (wired.closed.manuals[0].at, wired.closed.outputs[0].at)
     whole = wired.closed.wiring.build().response(*loop, omega)
-    monkeypatch.setattr(delay_system, "MAX_ENTRIES", 30)
+    monkeypatch.setattr(memory, "MAX_ENTRIES", 30)
     np.testing.assert_array_equal(wired.closed.wiring.build().response(*loop, omega), whole)
     np.testing.assert_allclose(whole, plant.response(omega)[:, 0, 0], rtol=1e-12)
 
