@@ -43,6 +43,7 @@ from solver.interaction.relative_gain import (
 from solver.interaction.zeros import TransmissionZeros, ZeroMethod, transmission_zeros
 from solver.model.frequencies import corners_of
 from solver.model.plants import MAX_MATRIX_SIZE, ParallelPlant, Plant
+from solver.model.remarks import plant_remarks
 from solver.model.validation import MAX_FREQUENCIES, frequencies, instance
 
 if TYPE_CHECKING:
@@ -205,6 +206,7 @@ def analyse_interaction(plant: Plant, omega: ArrayLike | None = None) -> Interac
         curves=RelativeGainCurves(omega, relative_gain_at(plant.response(omega))),
         parallel=parallel,
         warnings=(
+            *plant_remarks(plant),
             *_warnings(low.status, stable=stable, loops=loops, controllability=controllability),
             *gain_warnings(relative_gains, loops),
             *pairing_warnings(ranking, controllability),
@@ -253,6 +255,7 @@ def _analyse_many_units(plant: ParallelPlant, omega: NDArray[np.float64]) -> Int
         curves=RelativeGainCurves(omega, None),
         parallel=parallel_forms(plant, matrix, omega) if finite else None,
         warnings=(
+            *plant_remarks(plant),
             *_warnings(status, stable=stable, loops=loops, controllability=controllability),
             *gain_warnings(gains, loops),
             *pairing_warnings(ranking, controllability),
@@ -312,6 +315,13 @@ def _zero_warnings(zeros: TransmissionZeros, limits: tuple[LoopLimit, ...]) -> t
             f"{zeros.bandwidth_limit:.3g} rad per time unit (peak of the sensitivity below 2)."
         )
     found += [limit.text for limit in limits]
+    nearly = [f"{zero.value.real:.3g}" for zero in zeros.zeros if zero.near_cancellation]
+    if nearly:
+        found.append(
+            f"Zeros near a pole ({', '.join(nearly[:5])}) exist by rounding only: poles of "
+            "different elements agree but for the last digits. Type equal ones alike, and they "
+            "are gone."
+        )
     if zeros.method is ZeroMethod.SEARCH:
         found.append(
             "The dead times do not factor out: zeros were sought in the right half plane up to "

@@ -17,11 +17,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.interaction.dead_time_zeros import SumMatrix, right_half_plane_zeros, search_radius
+from solver.interaction.near_cancellations import near_cancelling
 from solver.interaction.rational_matrix import Rational, common_degree, transmission_zeros_of
 from solver.model.plants import ParallelPlant, Plant
 from solver.model.validation import instance
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from solver.interaction.rational_matrix import Root
     from solver.model.transfer_function import TransferFunction
 
@@ -73,6 +76,9 @@ class Zero:
         Whether Re >= 0: it limits the bandwidth whatever controller is used.
     bandwidth_limit : float or None
         The limit, rad per time unit; None for a zero in the left half plane.
+    near_cancellation : bool
+        Whether it exists by rounding only: it is gone when poles of the elements that differ by
+        less than a per cent are equal.
 
     """
 
@@ -81,6 +87,7 @@ class Zero:
     direction: Direction
     right_half_plane: bool
     bandwidth_limit: float | None
+    near_cancellation: bool = False
 
 
 @dataclass(frozen=True)
@@ -166,21 +173,36 @@ def _zeros_of_sums(
     rows: SumMatrix, factors: tuple[int, ...], copies: int, direction: Direction
 ) -> TransmissionZeros:
     """Zeros of a matrix whose elements are sums of transfer functions times `factors`."""
-    exact = [[_add(terms, factors) for terms in row] for row in rows]
+    exact = [[_add(terms, factors, {}) for terms in row] for row in rows]
+    doubtful: frozenset[int] = frozenset()
     if _dead_time_factors_out(rows) and common_degree(exact) <= MAX_EXACT_DEGREE:
         roots = transmission_zeros_of(exact)
         method, radius = ZeroMethod.EXACT, None
+        doubtful = near_cancelling(
+            (term for row in rows for terms in row for term in terms),
+            roots or (),
+            lambda joined: transmission_zeros_of(
+                [[_add(terms, factors, joined) for terms in row] for row in rows]
+            ),
+        )
     else:
         radius = search_radius(rows)
         roots = right_half_plane_zeros(rows, factors, radius)
         method = ZeroMethod.SEARCH
-    zeros = () if roots is None else tuple(_zero(root, copies, direction) for root in roots)
+    zeros = tuple(
+        _zero(root, copies, direction, index in doubtful) for index, root in enumerate(roots or ())
+    )
     return TransmissionZeros(tuple(sorted(zeros, key=_order)), method, roots is None, radius)
 
 
-def _add(terms: tuple[TransferFunction, ...], factors: tuple[int, ...]) -> Rational:
+def _add(
+    terms: tuple[TransferFunction, ...],
+    factors: tuple[int, ...],
+    joined: Mapping[TransferFunction, Rational],
+) -> Rational:
+    """Add terms times factors, those that are in `joined` as they stand there."""
     total, *others = (
-        Rational.from_transfer_function(term).scaled(factor)
+        (joined.get(term) or Rational.from_transfer_function(term)).scaled(factor)
         for term, factor in zip(terms, factors, strict=True)
     )
     for other in others:
@@ -188,13 +210,13 @@ def _add(terms: tuple[TransferFunction, ...], factors: tuple[int, ...]) -> Ratio
     return total
 
 
-def _zero(root: Root, copies: int, direction: Direction) -> Zero:
+def _zero(root: Root, copies: int, direction: Direction, doubtful: bool) -> Zero:  # noqa: FBT001
     value = root.value
     if abs(value.real) <= 1e-12 * abs(value):  # on the axis but for rounding
         value = complex(0.0, value.imag)
     right = value.real >= 0
     limit = bandwidth_limit(value) if right else None
-    return Zero(value, root.multiplicity * copies, direction, right, limit)
+    return Zero(value, root.multiplicity * copies, direction, right, limit, doubtful)
 
 
 def _order(zero: Zero) -> tuple[float, float]:

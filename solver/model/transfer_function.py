@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -24,6 +25,9 @@ LARGEST = 1e12
 # Quotients of coefficients must be numbers: a smaller one is zero or a slip.
 SMALLEST = 1e-150
 MAX_ORDER = 20
+# Roots of one polynomial further apart than this are not told by coefficients in double
+# precision: what one of them adds is three digits above the rounding of the others.
+ROUNDING = 1e13
 HARDLY_ZERO = 1e-77
 LARGEST_POWER = 250  # of ten
 
@@ -35,16 +39,18 @@ class TransferFunction:
     Parameters
     ----------
     num, den : sequence of float
-        Coefficients in descending powers of s. The first one is not zero, except that
-        ``num = (0,)`` is the zero function. ``len(num) <= len(den)``.
+        Coefficients in descending powers of s, at most as many in the numerator; leading zeros
+        are dropped. ``num = (0,)`` is the zero function. What is left of a zero by rounding, as
+        conversions from state space print it, is taken for the zero that it is: poles at s = 0,
+        and zeros at infinity. `remarks` says so.
     dead_time : float
         Dead time >= 0, in the caller's time unit.
 
     Raises
     ------
     InvalidInputError
-        An empty or zero-leading polynomial, a number that is not finite, is above `LARGEST` or,
-        without being zero, below `SMALLEST` in magnitude, an improper quotient, an order above
+        An empty polynomial, a denominator of zero, a number that is not finite, is above `LARGEST`
+        or, without being zero, below `SMALLEST` in magnitude, an improper quotient, an order above
         `MAX_ORDER`, a negative dead time.
 
     Examples
@@ -60,17 +66,33 @@ class TransferFunction:
     num: tuple[float, ...]
     den: tuple[float, ...]
     dead_time: float = 0.0
+    remarks: tuple[str, ...] = field(default=(), compare=False, repr=False)
 
     def __init__(self, num: Sequence[float], den: Sequence[float], dead_time: float = 0.0) -> None:
-        settle(
-            self,
-            num=_polynomial(num, "/num"),
-            den=_polynomial(den, "/den"),
-            dead_time=real(dead_time, "/dead_time"),
-        )
-        if self.den[0] == 0:
+        above, below = _polynomial(num, "/num"), _polynomial(den, "/den")
+        if below[0] == 0:
             message = "the denominator is zero"
             raise InvalidInputError(message, "/den")
+        exact_below, integrators = _without_origin_noise(below)
+        exact_above, infinite = _without_leading_noise(above, exact_below)
+        remarks = []
+        if integrators:
+            remarks.append(
+                f"{_count(integrators, 'pole')} within rounding of s = 0: taken for "
+                f"{'an integrator' if integrators == 1 else 'integrators'}"
+            )
+        if infinite:
+            remarks.append(
+                f"{_count(infinite, 'leading coefficient')} of the numerator within rounding of 0: "
+                "left out"
+            )
+        settle(
+            self,
+            num=exact_above,
+            den=exact_below,
+            dead_time=real(dead_time, "/dead_time"),
+            remarks=tuple(remarks),
+        )
         if len(self.num) > len(self.den):
             message = (
                 f"improper: the numerator has degree {len(self.num) - 1}, "
@@ -212,10 +234,71 @@ def _polynomial(coefficients: Sequence[float], field: str) -> tuple[float, ...]:
             message = f"coefficients must be finite and at most {LARGEST:g} in magnitude"
             raise InvalidInputError(message, f"{field}/{index}")
         refuse_vanishing(value, f"{field}/{index}")
-    if values[0] == 0 and len(values) > 1:
-        message = "the leading coefficient is zero; drop it"
-        raise InvalidInputError(message, f"{field}/0")
-    return values
+    first = next((index for index, value in enumerate(values) if value), len(values) - 1)
+    return values[first:]
+
+
+def _without_origin_noise(den: tuple[float, ...]) -> tuple[tuple[float, ...], int]:
+    """Return the denominator with poles that are 0 but for rounding at 0, and their number.
+
+    The magnitudes of the roots are the slopes of Newton's polygon, the upper hull of the
+    coefficients' logarithms over their power. A gap of `ROUNDING` between two of them separates
+    what the coefficients can tell from what they cannot, in any unit of time. The slow roots are
+    the doubtful ones only where their coefficient is small as it was typed: 1e-15 s^2 + s + 1 has
+    a fast pole beyond doubt.
+    """
+    powers = [k for k, value in enumerate(reversed(den)) if value]
+    # At least one other pole, to be small beside.
+    if powers[0] > 0 or len(den) < 3 or not _is_small(den[-1], den):
+        return den, 0
+    logs = [math.log(abs(den[len(den) - 1 - k])) for k in powers]
+    hull: list[int] = []
+    for index in range(len(powers)):
+        while len(hull) > 1 and _above(powers, logs, hull[-2], hull[-1], index):
+            hull.pop()
+        hull.append(index)
+    sizes = [(logs[a] - logs[b]) / (powers[b] - powers[a]) for a, b in itertools.pairwise(hull)]
+    gap = next(
+        (at for at in range(len(sizes) - 1) if sizes[at + 1] - sizes[at] > math.log(ROUNDING)), None
+    )
+    if gap is None:
+        return den, 0
+    count = powers[hull[gap + 1]]
+    if not all(_is_small(value, den) for value in den[len(den) - count :]):
+        return den, 0
+    return (*den[: len(den) - count], *(0.0,) * count), count
+
+
+def _above(powers: list[int], logs: list[float], a: int, b: int, c: int) -> bool:
+    """Whether point b lies on or below the line from a to c."""
+    return (logs[b] - logs[a]) * (powers[c] - powers[a]) <= (logs[c] - logs[a]) * (
+        powers[b] - powers[a]
+    )
+
+
+def _without_leading_noise(
+    num: tuple[float, ...], den: tuple[float, ...]
+) -> tuple[tuple[float, ...], int]:
+    """Return the numerator without leading coefficients that are rounding, and their number.
+
+    Such a zero lies `ROUNDING` times beyond all poles and all other zeros.
+    """
+    fastest = max((float(abs(pole)) for pole in np.roots(den)), default=0.0)
+    dropped = 0
+    while len(num) > 1 and num[1] and _is_small(num[0], num):
+        others = max((float(abs(zero)) for zero in np.roots(num[1:])), default=0.0)
+        if abs(num[1] / num[0]) <= ROUNDING * max(fastest, others) or not fastest:
+            break
+        num, dropped = num[1:], dropped + 1
+    return num, dropped
+
+
+def _is_small(value: float, among: tuple[float, ...]) -> bool:
+    return abs(value) * ROUNDING <= max(map(abs, among))
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 def _trailing_zeros(values: tuple[float, ...]) -> int:

@@ -18,6 +18,7 @@ from solver.model.blocks import LoopBlocks, group_loops
 from solver.model.frequencies import corners, grid, low_end, resonances
 from solver.model.given import require_loops, require_weights
 from solver.model.peaks import Peak, highest, slices
+from solver.model.remarks import plant_remarks
 from solver.model.validation import MAX_FREQUENCIES, flag, frequencies
 from solver.mu.kernel import FINE
 from solver.mu.scaling import sweep
@@ -230,7 +231,10 @@ def analyse(
             peaks=None,
             curves=None,
             margins=loop_margins(plant, loops, stable=False),
-            warnings=("the closed loop is unstable: mu has no meaning for it",),
+            warnings=(
+                "the closed loop is unstable: mu has no meaning for it",
+                *plant_remarks(plant),
+            ),
         )
     analysis = LoopAnalysis(blocks, controllers, uncertainty, performance)
     curves = analysis.curves(analysis.omega)
@@ -240,7 +244,7 @@ def analyse(
         blocks, controllers, uncertainty, performance, omega=top, scales=analysis.scales(top)
     )
     proof: Certificate | None = None
-    warnings = [worst.warning] if worst.warning else []
+    warnings = [*plant_remarks(plant), *filter(None, [worst.warning])]
     if certificate:
         level = PROVEN_ABOVE * peaks.robust_performance.value
         proof, reasons = prove(plant, uncertainty, performance, loops, level)

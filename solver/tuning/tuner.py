@@ -11,6 +11,7 @@ import numpy as np
 from solver.certificate.search import prove
 from solver.model.errors import InvalidInputError
 from solver.model.plants import ParallelPlant
+from solver.model.remarks import plant_remarks
 from solver.model.transfer_function import LARGEST
 from solver.model.validation import instance
 from solver.robustness.analysis import LoopAnalysis
@@ -19,6 +20,7 @@ from solver.stability.closed_loop import require_supported, unstable_poles
 from solver.tuning.bounds import parameter_names
 from solver.tuning.feasibility import obstacle
 from solver.tuning.groupings import groupings, identical_groups
+from solver.tuning.output_units import output_units_warning
 from solver.tuning.record import Comparison, LocalOptimum, Progress, SearchSummary, Status, Tuning
 from solver.tuning.search import Candidate, GroupingSearch
 from solver.tuning.specification import Arrangement, Objective, Specification
@@ -219,7 +221,11 @@ class _Run:
         analysis = LoopAnalysis(search.blocks, controllers, specification.uncertainty, performance)
         curves = analysis.curves(analysis.omega)
         peaks = analysis.peaks(curves)
-        warnings = self._warnings(search, theta)
+        warnings = [
+            *plant_remarks(specification.plant),
+            *filter(None, [output_units_warning(specification.plant)]),
+            *self._warnings(search, theta),
+        ]
         certificate = None
         if specification.certificate:
             level = 1.0

@@ -70,7 +70,7 @@ def test_too_much_hysteresis_is_a_status(client: httpx.Client) -> None:
         ("/duration", 0, "/duration"),
         ("/samples", 1, "/samples"),
         ("/steps", [{"kind": "load", "unit": 9}], "/steps/0/unit"),
-        ("/plant/elements/0/0/den", [0.0, 1.0], "/plant/elements/0/0/den/0"),
+        ("/plant/elements/0/0/den", [0.0, 0.0], "/plant/elements/0/0/den"),
     ],
 )
 def test_fault_is_named_by_its_pointer(

@@ -141,8 +141,8 @@ def test_unstable_loops_are_answered_up_to_the_bound(client: httpx.Client) -> No
         ),
         (
             "/perturbation",
-            {"kind": "actuators", "functions": [{"num": [1.0], "den": [0.0, 1.0]}] * 2},
-            "/perturbation/functions/0/den/0",
+            {"kind": "actuators", "functions": [{"num": [1.0], "den": [0.0, 0.0]}] * 2},
+            "/perturbation/functions/0/den",
         ),
         (
             "/perturbation",
