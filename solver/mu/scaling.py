@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from solver.mu import one_scale
+from solver.mu import one_scale, side_by_side
+from solver.mu.batch import batch
 from solver.mu.kernel import FINE, balance, sensitivities, solve
 from solver.mu.structure import BlockStructure, Bound, bound_of_scales
 from solver.mu.workspace import Factors, compiled, inner, workspace
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 __all__ = ["sweep", "upper_bound"]
+
+FEW = 2  # frequencies that are not worth eight lanes
 
 
 def upper_bound(N: NDArray[np.complex128], structure: BlockStructure) -> Bound:
@@ -74,6 +77,8 @@ class _Scratch(NamedTuple):
         As of `sensitivities`.
     trial : (scales,)
         Log of the squared scales best for mu.
+    done : (k,) bool
+        Frequencies that were solved side by side.
 
     """
 
@@ -86,6 +91,7 @@ class _Scratch(NamedTuple):
     A: NDArray[np.float64]
     mixed: NDArray[np.complex128]
     trial: NDArray[np.float64]
+    done: NDArray[np.bool_]
 
 
 @compiled
@@ -165,7 +171,13 @@ def sweep(G, c, u, b, layout, all_free, nu, cold, y):
         A=np.empty(rows),
         mixed=np.empty(rows, np.complex128),
         trial=np.empty(y.shape[1]),
+        done=np.zeros(G.shape[0], np.bool_),
     )
+    if _is_small(layout, y.shape[1]) and t.size > FEW:
+        work = batch(rows, blocks, c.shape[1], y.shape[1])
+        side_by_side.sweep(
+            G, c, u, b, layout, all_free, nu, cold, y, work, t, slope, det, scratch.done
+        )
     ws = workspace(rows, widest, y.shape[1])
     _sweep(G, c, u, b, layout, all_free, nu, cold, y, scratch, ws, t, slope, det)
     return t, slope, det
@@ -178,10 +190,10 @@ def _sweep(G, c, u, b, layout, all_free, nu, cold, y, scratch, ws, t, slope, det
     S, SG, p, A, mixed = scratch.S, scratch.SG, scratch.p, scratch.A, scratch.mixed
     rows, x = p.size, ws.x
     factors = Factors(SG, S, p, scratch.b, scales, scales, first, first, all_free)
-    closed_form = rows <= 2 and G.shape[2] == 1 and x.size == 1
-    for i in range(rows):
-        closed_form = closed_form and channels[i] == channels[0]
+    closed_form = _is_closed_form(layout, x.size)
     for k in range(t.size):
+        if scratch.done[k]:
+            continue
         for block in range(first.size - 1):
             lo = first[block]
             size = first[block + 1] - lo
@@ -214,6 +226,25 @@ def _sweep(G, c, u, b, layout, all_free, nu, cold, y, scratch, ws, t, slope, det
             ci = c[k, channels[i]]
             own = p_level * u[k] * x[scales[i]] * A[i] * np.conj(ci)
             slope[k, channels[i]] -= 2.0 * (own - mixed[i]) * (1.0 / total)
+
+
+@inner
+def _is_closed_form(layout, n_scales):
+    """Whether all blocks are single rows of one controller: `solver.mu.one_scale`."""
+    channels = layout.channels
+    closed_form = channels.size <= 2 and layout.first.size - 1 == channels.size and n_scales == 1
+    for i in range(channels.size):
+        closed_form = closed_form and channels[i] == channels[0]
+    return closed_form
+
+
+@inner
+def _is_small(layout, n_scales):
+    """Whether `solver.mu.side_by_side` can solve it."""
+    small = n_scales <= 2 and not _is_closed_form(layout, n_scales)
+    for block in range(layout.first.size - 1):
+        small = small and layout.first[block + 1] - layout.first[block] <= 2
+    return small
 
 
 @inner

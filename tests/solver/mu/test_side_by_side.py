@@ -1,0 +1,158 @@
+"""Frequencies side by side in vector registers: the kernel's own levels, and bounds like them."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from zoo import COLUMN, interactions
+
+from solver.model.blocks import group_loops, reduce
+from solver.model.controllers import Controller
+from solver.model.plants import first_order
+from solver.model.weights import Performance, Structure, Uncertainty
+from solver.mu import BlockStructure, bound_of_scales
+from solver.mu.batch import batch
+from solver.mu.kernel import FINE
+from solver.mu.lanes import WIDTH, exp, load, log, store
+from solver.mu.scaling import sweep
+from solver.mu.side_by_side import sweep as sweep_side_by_side
+from solver.mu.workspace import compiled
+from solver.robustness.analysis import LoopAnalysis
+
+OMEGA = np.geomspace(1e-4, 1e2, 45)
+
+
+@compiled
+def exp_and_log(values, out):
+    """Exponentials of the first row, logarithms of the second."""
+    store(out, 0, exp(load(values, 0)))
+    store(out, 1, log(load(values, 1)))
+
+
+@given(
+    st.lists(st.floats(-690, 690), min_size=WIDTH, max_size=WIDTH),
+    st.lists(st.floats(1e-300, 1e300) | st.floats(0.5, 2), min_size=WIDTH, max_size=WIDTH),
+)
+def test_exp_and_log_are_right_to_the_last_places(exponents, numbers):
+    """Both agree with the C library's to two units in the last place over the whole range."""
+    values, out = np.array([exponents, numbers]), np.empty((2, WIDTH))
+    exp_and_log(values, out)
+    assert out[0] == pytest.approx(np.exp(values[0]), rel=5e-16, abs=0)
+    assert out[1] == pytest.approx(np.log(values[1]), rel=5e-16, abs=0)
+
+
+@st.composite
+def loops(draw):
+    """G, c, |w_I|^2 and layout of a loop with two different controllers."""
+    structure = draw(st.sampled_from(list(Structure)))
+    if draw(st.integers(0, 3)) == 0:
+        blocks = reduce(COLUMN, ((0,), (1,)), structure)
+    else:
+        n = draw(st.integers(2, 40))
+        plant = first_order(
+            n, draw(st.sampled_from([1.0, -2.0])), draw(st.floats(1, 100)),
+            draw(interactions(-0.99 / (n - 1), 0.99)), draw(st.sampled_from([0.0, 1.5])),
+        )  # fmt: skip
+        first = draw(st.integers(1, n - 1))
+        blocks = reduce(plant, (tuple(range(first)), tuple(range(first, n))), structure)
+    sign = np.sign(blocks.plant.element(0, 0).static_gain)
+    controllers = [
+        Controller(sign * 10 ** draw(st.floats(-1, 2)), 10 ** draw(st.floats(0, 2)))
+        for _ in range(2)
+    ]
+    c = np.stack([controller.response(OMEGA) for controller in controllers], axis=1)
+    u = Uncertainty.from_error(draw(st.floats(0.05, 0.9)), 10 ** draw(st.floats(-1, 1)))
+    return blocks, c, u.magnitude(OMEGA) ** 2
+
+
+@settings(max_examples=100, deadline=None)
+@given(loops(), st.booleans(), st.sampled_from([FINE, 1e-5]), st.floats(0, 3))
+def test_levels_are_those_of_the_kernel(loop, all_free, nu, log_tau_p):
+    """From the same scales the kernel, one frequency at a time, ends at the same level.
+
+    They differ by the barrier parameter at most, which is what the level is right to, and by
+    rounding at most frequencies; where the kernel finds no level there is none.
+    """
+    blocks, c, u = loop
+    b = Performance(tau_p=10**log_tau_p).magnitude(OMEGA) ** 2 if all_free else np.ones_like(OMEGA)
+    b[::9] = 0.0 if all_free else 1.0
+    G = blocks.packed(OMEGA)
+    y = np.zeros((OMEGA.size, blocks.n_scales))
+    sweep(G, c, u, b, blocks.layout, all_free=all_free, nu=1e-3, cold=True, y=y)
+    alone = y.copy()
+    t, slope, det = sweep(G, c, u, b, blocks.layout, all_free=all_free, nu=nu, cold=False, y=y)
+    for k in range(OMEGA.size):
+        at = slice(k, k + 1)
+        level, slope_alone, det_alone = sweep(
+            G[at], c[at], u[at], b[at], blocks.layout, all_free=all_free, nu=nu, cold=False,
+            y=alone[at],
+        )  # fmt: skip
+        assert np.isfinite(t[k]) == np.isfinite(level[0])
+        if np.isfinite(t[k]):
+            assert t[k] == pytest.approx(level[0], abs=10 * nu)
+        else:
+            assert t[k] == level[0]
+            assert (slope[k] == 0).all()
+            assert (slope_alone == 0).all()
+        assert det[k] == pytest.approx(det_alone[0], rel=1e-11)
+
+
+@pytest.mark.parametrize("count", [*range(1, 2 * WIDTH + 2), 61])
+def test_any_number_of_frequencies(count):
+    """Lanes that are not filled change nothing, and no frequency is left out."""
+    blocks, controllers = group_loops(
+        first_order(2, 1, 100, 0.9), [Controller(40, 60), Controller(20, 10)]
+    )
+    omega = np.geomspace(1e-3, 1, count)
+    c = np.stack([controller.response(omega) for controller in controllers], axis=1)
+    G, u = blocks.packed(omega), Uncertainty.from_error(0.2, 1).magnitude(omega) ** 2
+    b = np.ones(count)
+    y, alone = np.zeros((count, 2)), np.zeros((count, 2))
+    t, slope, _ = sweep(G, c, u, b, blocks.layout, all_free=False, nu=FINE, cold=True, y=y)
+    for k in range(count):
+        at = slice(k, k + 1)
+        level, slope_alone, _ = sweep(
+            G[at], c[at], u[at], b[at], blocks.layout, all_free=False, nu=FINE, cold=True,
+            y=alone[at],
+        )  # fmt: skip
+        assert t[k] == pytest.approx(level[0], abs=1e-11)
+        assert slope[k] == pytest.approx(slope_alone[0], rel=1e-5)
+
+
+def test_level_is_the_norm_at_its_scales():
+    """The mu reported is the largest singular value of D N D^-1 for the scales beside it."""
+    loops = [Controller(40, 60), Controller(20, 10)]
+    blocks, controllers = group_loops(first_order(2, 1, 100, 0.9), loops)
+    uncertainty, performance = Uncertainty.from_error(0.2, 1), Performance(tau_p=25)
+    c = np.stack([controller.response(OMEGA) for controller in controllers], axis=1)
+    u, b = (weight.magnitude(OMEGA) ** 2 for weight in (uncertainty, performance))
+    y = np.zeros((OMEGA.size, 2))
+    G = blocks.packed(OMEGA)
+    t, _, _ = sweep(G, c, u, b, blocks.layout, all_free=True, nu=FINE, cold=True, y=y)
+    N = LoopAnalysis(blocks, controllers, uncertainty, performance).matrices(OMEGA)[0]
+    bound = bound_of_scales(N, np.exp(y / 2), BlockStructure((0, 1), 2))
+    assert np.exp(-t / 2) == pytest.approx(bound.mu, rel=1e-12)
+
+
+@compiled
+def solved_side_by_side(G, c, u, layout):
+    """Which frequencies are solved without the kernel's help, the level being skewed."""
+    count, blocks = u.size, layout.first.size - 1
+    done, all_free, cold = np.zeros(count, np.bool_), False, True
+    sweep_side_by_side(
+        G, c, u, np.ones(count), layout, all_free, FINE, cold, np.zeros((count, 2)),
+        batch(layout.channels.size, blocks, c.shape[1], 2), np.empty(count),
+        np.empty(c.shape, np.complex128), np.empty((count, blocks), np.complex128), done,
+    )  # fmt: skip
+    return done
+
+
+def test_most_frequencies_need_no_help():
+    """The kernel is left with less than a fifth: else nothing would be gained."""
+    blocks, controllers = group_loops(
+        first_order(2, 1, 100, 0.949), [Controller(47, 100), Controller(19, 2.4)]
+    )
+    c = np.stack([controller.response(OMEGA) for controller in controllers], axis=1)
+    u = Uncertainty.from_error(0.2, 1).magnitude(OMEGA) ** 2
+    done = solved_side_by_side(blocks.packed(OMEGA), c, u, blocks.layout)
+    assert done.mean() > 0.8
