@@ -23,7 +23,7 @@ from solver.model.blocks import group_loops
 from solver.model.controllers import Controller
 from solver.model.plants import MatrixPlant, first_order
 from solver.model.transfer_function import TransferFunction
-from solver.robustness.analysis import LoopAnalysis
+from solver.robustness.curves import LoopAnalysis
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from zoo import ZOO, Case

@@ -27,7 +27,7 @@ from solver.model.weights import Performance, Uncertainty
 from solver.mu import BlockStructure, sdp, upper_bound
 from solver.mu.kernel import FINE
 from solver.mu.scaling import sweep
-from solver.robustness.analysis import LoopAnalysis
+from solver.robustness.curves import LoopAnalysis
 from solver.stability.closed_loop import is_stable
 from solver.tuning import Arrangement, ControllerKind, Specification, tune
 

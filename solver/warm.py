@@ -5,8 +5,10 @@ The compiled code is kept beside the modules, so that later processes start with
 
 from __future__ import annotations
 
+from solver.model.controllers import Controller
 from solver.model.plants import first_order
 from solver.model.weights import Performance, Uncertainty
+from solver.robustness.axis import proven_peaks
 from solver.tuning import Arrangement, Specification, tune
 
 __all__ = ["warm"]
@@ -15,9 +17,11 @@ __all__ = ["warm"]
 def warm() -> None:
     """Tune a small plant, and analyse the result: every compiled function is used once."""
     plant = first_order(2, 1.0, 10.0, 0.5)
+    uncertainty = Uncertainty.from_error(0.2, 1.0)
+    proven_peaks(plant, uncertainty, Performance(tau_p=10.0), [Controller(2.0, 10.0)] * 2)
     tune(
         Specification(
-            plant, Uncertainty.from_error(0.2, 1.0), Performance(),
+            plant, uncertainty, Performance(),
             arrangement=Arrangement.IDENTICAL, starts=1, optimality_gap=True,
         )
     )  # fmt: skip

@@ -22,7 +22,7 @@ from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError
 from solver.model.plants import Plant
 from solver.model.subsystems import subsystem
-from solver.robustness.analysis import LoopAnalysis
+from solver.robustness.curves import LoopAnalysis
 from solver.robustness.margins import loop_transfer
 from solver.robustness.worst_case import worst_case
 from solver.stability.closed_loop import is_stable

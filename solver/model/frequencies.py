@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,8 +17,19 @@ if TYPE_CHECKING:
     from solver.model.transfer_function import TransferFunction
     from solver.model.weights import Uncertainty
 
-__all__ = ["corners", "corners_of", "grid", "low_end", "resonances", "resonances_of"]
+__all__ = [
+    "corners",
+    "corners_of",
+    "finite_reach",
+    "grid",
+    "low_end",
+    "reach",
+    "resonances",
+    "resonances_of",
+]
 
+# Times go up to 1e12; what bends further out than this is a coefficient that might be zero.
+EXTREMES = (1e-18, 1e18)
 FLAT = 1e-8  # relative rise over two decades below which a curve is at its limit for omega -> 0
 
 
@@ -41,6 +53,48 @@ def corners(
 def corners_of(functions: Iterable[TransferFunction]) -> NDArray[np.float64]:
     """Corner frequencies (rad per time unit) of transfer functions, ascending, at least one."""
     return _ascending(_corners_of_functions(functions))
+
+
+def reach(plant: Plant, loops: Iterable[Controller]) -> tuple[float, float]:
+    """Frequencies (rad per time unit) where the gain of a loop first and last can be one.
+
+    By the asymptotes of each element of the plant times each controller; where an asymptote is
+    level it says nothing. (inf, 0) if none says anything.
+    """
+    slow, fast = math.inf, 0.0
+    for element in plant.elements:
+        if element.is_zero:
+            continue
+        lowest = [next(c for c in reversed(part) if c != 0) for part in (element.num, element.den)]
+        powers = [
+            next(k for k, c in enumerate(reversed(part)) if c != 0)
+            for part in (element.num, element.den)
+        ]
+        static = abs(lowest[0]) / abs(lowest[1])
+        steep = abs(element.num[0] / element.den[0])
+        for loop in loops:
+            gain, fall, degree = abs(loop.gain), powers[1] - powers[0], element.relative_degree
+            rate, high = gain, gain
+            if loop.integral_time is not None:
+                rate, fall = gain / loop.integral_time, fall + 1
+            if loop.lag_time:
+                high /= loop.lag_time
+                if loop.derivative_time is None:
+                    degree += 1
+                else:
+                    high *= loop.derivative_time
+            if fall > 0:
+                slow = min(slow, (rate * static) ** (1 / fall))
+            if degree > 0:
+                fast = max(fast, (high * steep) ** (1 / degree))
+    return slow, fast
+
+
+def finite_reach(plant: Plant, loops: Iterable[Controller]) -> list[float]:
+    """Return what `reach` knows: none, one or two frequencies, rad per time unit."""
+    lowest, highest = EXTREMES
+    known = [omega for omega in reach(plant, loops) if 0 < omega < math.inf]
+    return [min(max(omega, lowest), highest) for omega in known]
 
 
 def resonances(plant: Plant) -> NDArray[np.float64]:
@@ -107,5 +161,4 @@ def _corners_of_functions(functions: Iterable[TransferFunction]) -> set[float]:
 
 def _ascending(found: set[float]) -> NDArray[np.float64]:
     positive = sorted(value for value in found if value > 0)
-    # Times go up to 1e12; what bends further out than this is a coefficient that might be zero.
-    return np.clip(positive, 1e-18, 1e18) if positive else np.array([1.0])
+    return np.clip(positive, *EXTREMES) if positive else np.array([1.0])

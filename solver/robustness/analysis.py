@@ -1,187 +1,43 @@
-"""Robustness of given loops: mu over frequency, its peaks, and nominal stability.
+"""Robustness of given loops: nominal stability, mu over frequency, its peaks, what attains them.
 
 N_RP = [[w_I C S G, w_I C S], [w_P S G, w_P S]], S = (I + G C)^-1: Skogestad, Lundstrom and Hovd
-(1989), eq. 31, block by block (`solver.model.blocks`). Robust stability is mu of its first block,
-nominal performance the norm of its last.
+(1989), eq. 31. Robust stability is mu of its first block, nominal performance the norm of its last.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from solver.certificate.search import prove
-from solver.model.blocks import LoopBlocks, group_loops
-from solver.model.frequencies import corners, grid, low_end, resonances
+from solver.model.blocks import group_loops
 from solver.model.given import require_loops, require_weights
-from solver.model.peaks import Peak, highest, slices
+from solver.model.peaks import Peak
 from solver.model.remarks import plant_remarks
 from solver.model.validation import MAX_FREQUENCIES, flag, frequencies
-from solver.mu.kernel import FINE
-from solver.mu.scaling import sweep
-from solver.mu.structure import BlockStructure, bound_of_scales, sigma_max
+from solver.robustness.axis import proven_peaks
 from solver.robustness.bandwidth import bandwidths
+from solver.robustness.curves import LoopAnalysis
+from solver.robustness.gain_factor import stable_gain_factor
 from solver.robustness.margins import loop_frequencies, loop_margins
-from solver.robustness.record import Curves, Peaks, Robustness
-from solver.robustness.worst_case import interconnection, worst_case
-from solver.stability.closed_loop import unstable_poles
+from solver.robustness.record import Robustness
+from solver.robustness.worst_case import worst_case
+from solver.stability.closed_loop import ClosedLoopPoles, closed_loop_poles
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
     from solver.certificate import Certificate
     from solver.model.controllers import Controller
     from solver.model.plants import Plant
     from solver.model.weights import Performance, Uncertainty
 
-__all__ = ["LoopAnalysis", "analyse"]
+__all__ = ["analyse"]
 
 PROVEN_ABOVE = 1 + 2e-4  # level of a certificate over the peak; a touch cannot be proven
-POINTS_PER_DECADE = 24
-LOWEST = 1e-18  # of the lowest bend: slower directions are singular to working accuracy
-
-
-@dataclass(frozen=True)
-class LoopAnalysis:
-    """mu curves of a closed loop, every value recomputed from its own D-scales.
-
-    Parameters
-    ----------
-    blocks : LoopBlocks
-        Plant and grouping.
-    controllers : tuple of Controller
-        One a group.
-    uncertainty, performance : Uncertainty, Performance
-        The weights; `performance.tau_p` is needed.
-
-    """
-
-    blocks: LoopBlocks
-    controllers: tuple[Controller, ...]
-    uncertainty: Uncertainty
-    performance: Performance
-
-    @cached_property
-    def omega(self) -> NDArray[np.float64]:
-        """Grid that resolves the loop, from where it is at its low-frequency limit upwards."""
-        plant = self.blocks.plant
-        bends = corners(plant, self.uncertainty, self.controllers)
-        assert self.performance.tau_p is not None  # noqa: S101 - for the type checker
-        bends = np.append(bends, 1 / self.performance.tau_p)
-        lowest = float(bends.min())
-        low = low_end(self.robust_performance, 1e-4 * lowest, LOWEST * lowest)
-        return grid(low, 1e2 * bends.max(), POINTS_PER_DECADE, [resonances(plant), bends])
-
-    def scales(self, omega: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Optimal D-scales d (k, scales) of robust performance at `omega`."""
-        return self._scales(self._at(omega), 1.0)
-
-    def matrices(self, omega: NDArray[np.float64]) -> list[NDArray[np.complex128]]:
-        """N_RP of each block, (k, 2 m, 2 m) complex: uncertain channels first."""
-        return self._at(omega).matrices
-
-    def robust_performance(self, omega: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Upper bound of mu(N_RP) at `omega` (k,)."""
-        return self._robust_performance(self._at(omega))
-
-    def robust_stability(self, omega: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Upper bound of mu(w_I C S G) at `omega` (k,)."""
-        return self._robust_stability(self._at(omega))
-
-    def nominal_performance(self, omega: NDArray[np.float64]) -> NDArray[np.float64]:
-        """sigma_max(w_P S) at `omega` (k,)."""
-        return self._nominal_performance(self._at(omega))
-
-    def curves(self, omega: NDArray[np.float64]) -> Curves:
-        """Robust performance, robust stability and nominal performance at `omega` (k,)."""
-        loop = self._at(omega)
-        return Curves(omega, *(curve(loop) for curve in self._curves))
-
-    def peaks(self, curves: Curves) -> Peaks:
-        """Peaks of the three curves, refined from those on a grid."""
-
-        def side_by_side(parts: list[NDArray[np.float64]]) -> list[NDArray[np.float64]]:
-            loop = self._at(np.concatenate(parts))
-            return [
-                curve(loop[part]) for curve, part in zip(self._curves, slices(parts), strict=True)
-            ]
-
-        on_grid = curves.robust_performance, curves.robust_stability, curves.nominal_performance
-        return Peaks(*highest(side_by_side, [(curves.omega, curve) for curve in on_grid]))
-
-    @property
-    def _curves(self) -> tuple[Callable[[_Loop], NDArray[np.float64]], ...]:
-        return self._robust_performance, self._robust_stability, self._nominal_performance
-
-    def _at(self, omega: NDArray[np.float64]) -> _Loop:
-        c = np.stack([controller.response(omega) for controller in self.controllers], axis=-1)
-        G = self.blocks.packed(omega)
-        w_I, w_P = (each.weight.response(omega) for each in (self.uncertainty, self.performance))
-        matrices = []
-        for block, first in zip(self.blocks.blocks, self.blocks.layout[2], strict=False):
-            plant = G[:, first : first + block.size, : block.size]
-            matrices.append(interconnection(plant, c[:, list(block.channels)], w_I, w_P))
-        return _Loop(G, c, np.abs(w_I) ** 2, np.abs(w_P) ** 2, matrices)
-
-    def _robust_performance(self, loop: _Loop) -> NDArray[np.float64]:
-        """Upper bound of mu(N_RP), (k,)."""
-        d = self._scales(loop, 1.0)
-        bounds = [
-            bound_of_scales(N, *_own(d, block.scales, block.size)).mu
-            for block, N in zip(self.blocks.blocks, loop.matrices, strict=True)
-        ]
-        return np.asarray(np.max(bounds, axis=0))
-
-    def _robust_stability(self, loop: _Loop) -> NDArray[np.float64]:
-        """Upper bound of mu(w_I C S G), (k,)."""
-        d = self._scales(loop, 0.0)
-        bounds = [
-            bound_of_scales(N[:, : block.size, : block.size], *_own(d, block.scales, 0)).mu
-            for block, N in zip(self.blocks.blocks, loop.matrices, strict=True)
-        ]
-        return np.asarray(np.max(bounds, axis=0))
-
-    def _nominal_performance(self, loop: _Loop) -> NDArray[np.float64]:
-        """sigma_max(w_P S), (k,)."""
-        values = [
-            sigma_max(N[:, block.size :, block.size :])
-            for block, N in zip(self.blocks.blocks, loop.matrices, strict=True)
-        ]
-        return np.asarray(np.max(values, axis=0))
-
-    def _scales(self, loop: _Loop, performance: float) -> NDArray[np.float64]:
-        """Optimal D-scales (k, scales); `performance` 0 is robust stability alone."""
-        y = np.zeros((len(loop.c), self.blocks.n_scales))
-        all_free = cold = True  # compiled code takes no keywords
-        sweep(
-            loop.G, loop.c, loop.u, performance * loop.b, self.blocks.layout,
-            all_free, FINE, cold, y,
-        )  # fmt: skip
-        return np.asarray(np.exp(0.5 * y))
-
-
-@dataclass(frozen=True)
-class _Loop:
-    """A loop at k frequencies.
-
-    `G`, `c`, `u`, `b`: as `solver.mu.scaling.sweep` takes them; `matrices`: N_RP of each block.
-    """
-
-    G: NDArray[np.complex128]
-    c: NDArray[np.complex128]
-    u: NDArray[np.float64]
-    b: NDArray[np.float64]
-    matrices: list[NDArray[np.complex128]]
-
-    def __getitem__(self, part: slice) -> _Loop:
-        return _Loop(
-            self.G[part], self.c[part], self.u[part], self.b[part], [N[part] for N in self.matrices]
-        )
 
 
 def analyse(
@@ -205,8 +61,8 @@ def analyse(
         One a unit.
     omega : (k,) or None
         Frequencies of the curves, rad per time unit, > 0, at most `MAX_FREQUENCIES`, in any
-        order, which the curves keep; None: a grid chosen from the loop. The peaks are sought on
-        the chosen grid in any case.
+        order, which the curves keep; None: a grid chosen from the loop. The peaks are those of all
+        frequencies in any case.
     certificate : bool
         Whether to prove a level just above the robust performance peak for all frequencies.
 
@@ -223,22 +79,24 @@ def analyse(
     certificate = flag(certificate, "/certificate")
     wanted = None if omega is None else frequencies(omega, most=MAX_FREQUENCIES)
     blocks, controllers = group_loops(plant, loops, uncertainty.structure)
-    unstable = unstable_poles(plant, loops)
-    if unstable:
+    poles = closed_loop_poles(plant, loops)
+    if not poles.stable:
         return Robustness(
             nominally_stable=False,
-            unstable_poles=unstable,
+            unstable_poles=poles.right_half_plane,
+            poles_at_origin=poles.at_origin,
             peaks=None,
             curves=None,
+            stable_gain_factor=None if poles.at_origin else stable_gain_factor(plant, loops),
             margins=loop_margins(plant, loops, stable=False),
-            warnings=(
-                "the closed loop is unstable: mu has no meaning for it",
-                *plant_remarks(plant),
-            ),
+            warnings=(_unstable(poles), *plant_remarks(plant)),
         )
     analysis = LoopAnalysis(blocks, controllers, uncertainty, performance)
-    curves = analysis.curves(analysis.omega)
-    peaks = analysis.peaks(curves)
+    axis = proven_peaks(plant, uncertainty, performance, loops)
+    if axis.unstable:
+        message = f"{axis.unstable} unstable closed-loop poles by proof, none by the count"
+        raise ArithmeticError(message)
+    peaks = axis.peaks
     top = np.array([peaks.robust_performance.omega])
     worst = worst_case(
         blocks, controllers, uncertainty, performance, omega=top, scales=analysis.scales(top)
@@ -255,21 +113,26 @@ def analyse(
         nominally_stable=True,
         unstable_poles=0,
         peaks=peaks,
-        curves=curves if wanted is None else analysis.curves(wanted),
+        curves=axis.curves if wanted is None else analysis.curves(wanted),
         lower_bound=Peak(worst.mu, worst.omega),
         worst_case=worst,
         uncertainty_scaling=1 / peaks.robust_stability.value,
         margins=margins,
         bandwidths=bandwidths(plant, loops, alone, loop_frequencies(plant, loops)),
         certificate=proof,
+        guarantee=axis.guarantee,
         warnings=tuple(warnings),
     )
 
 
-def _own(
-    d: NDArray[np.float64], scales: tuple[int, ...], performance: int
-) -> tuple[NDArray[np.float64], BlockStructure]:
-    """Scales and structure of one block, its scales numbered from 0."""
-    used = sorted(set(scales))
-    structure = BlockStructure(tuple(used.index(scale) for scale in scales), performance)
-    return d[:, used], structure
+def _unstable(poles: ClosedLoopPoles) -> str:
+    """Say what is wrong with loops that are not stable."""
+    if poles.right_half_plane:
+        return "the closed loop is unstable: mu has no meaning for it"
+    count = "a closed-loop pole" if poles.at_origin == 1 else f"{poles.at_origin} closed-loop poles"
+    return (
+        f"{count} at s = 0: the static gain of the plant is singular, so the controllers' "
+        "integrators cannot act independently and drift apart, while the outputs settle only "
+        "where the plant can hold them; let one of them integrate and share its output (see the "
+        "analysis of parallel drives). mu has no meaning for such loops"
+    )

@@ -27,7 +27,7 @@ from solver.model.errors import InvalidInputError
 from solver.model.given import require_loops, require_weights
 from solver.model.plants import ParallelPlant
 from solver.model.subsystems import interchangeable
-from solver.robustness.analysis import LoopAnalysis
+from solver.robustness.curves import LoopAnalysis
 from solver.robustness.subset_peaks import peaks
 from solver.robustness.subsets import Subsets
 

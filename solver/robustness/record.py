@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from enum import StrEnum
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
     from solver.robustness.margins import LoopMargins
     from solver.robustness.worst_case import WorstCase
 
-__all__ = ["Curves", "Peaks", "Robustness"]
+__all__ = ["Curves", "Guarantee", "GuaranteeStatus", "Peaks", "Robustness"]
 
 
 @dataclass(frozen=True)
@@ -40,15 +41,42 @@ class Curves:
     nominal_performance: NDArray[np.float64]
 
 
+class GuaranteeStatus(StrEnum):
+    """Whether a level of mu holds at all frequencies.
+
+    PROVEN: it does, with all rounding, and the loops are nominally stable.
+    OPEN: no proof was found; the peak is the highest value that the search met.
+    """
+
+    PROVEN = "proven"
+    OPEN = "open"
+
+
+@dataclass(frozen=True)
+class Guarantee:
+    """What is known of mu over all frequencies: it stays at or below `level` if PROVEN.
+
+    `reason` says why the question is open; None where it is proven.
+    """
+
+    status: GuaranteeStatus
+    level: float
+    reason: str | None = None
+
+
 @dataclass(frozen=True)
 class Robustness:
     """Robustness of given loops.
 
+    `unstable_poles` are the closed-loop poles with Re s >= 0 but for those at s = 0,
+    `poles_at_origin`, where integrators drift. `stable_gain_factor` is for unstable loops: all
+    gains times any factor below it are stable; None where none was found, or not sought.
+
     `peaks` and `curves` are None where the loops are nominally unstable: mu has no meaning then.
-    `lower_bound` is a lower bound of the robust performance peak, `worst_case` a perturbation
-    that reaches it. `uncertainty_scaling` is the factor by which the uncertainty may grow before
-    robust stability is no longer assured. `margins`: of each different loop. `bandwidths`:
-    alone and together, of a stable loop.
+    `guarantee` is of the robust performance peak, None for an unstable loop. `lower_bound` is a
+    lower bound of that peak, `worst_case` a perturbation that reaches it. `uncertainty_scaling` is
+    the factor by which the uncertainty may grow before robust stability is no longer assured.
+    `margins`: of each different loop. `bandwidths`: alone and together, of a stable loop.
     """
 
     nominally_stable: bool
@@ -61,4 +89,7 @@ class Robustness:
     margins: tuple[LoopMargins, ...] = ()
     bandwidths: Bandwidths | None = None
     certificate: Certificate | None = None
+    guarantee: Guarantee | None = None
+    poles_at_origin: int = 0
+    stable_gain_factor: float | None = None
     warnings: tuple[str, ...] = field(default=())

@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solver.model.frequencies import corners, resonances
+from solver.model.frequencies import corners, finite_reach, resonances
 from solver.model.memory import batch_length
 from solver.model.plants import ParallelPlant
-from solver.stability.closed_loop import INFINITELY_MANY, character, require_supported
+from solver.stability.closed_loop import INFINITELY_MANY, require_supported
 from solver.stability.encirclements import Batch, count_unstable
+from solver.stability.neutral import direct_gain, neutral_gain
 from solver.stability.singular import matrix_origin_poles, parallel_origin_poles
 
 if TYPE_CHECKING:
@@ -64,9 +65,16 @@ class Subsets:
         at_origin = self._origin_poles()
         acting = (self.counts[:, self._integrating] > 0).sum(axis=1)
         integrators = np.where(at_origin > 0, 0, acting)
+        neutral = neutral_gain(self.plant, self.controllers, self.counts) >= 1
+        means, apart = direct_gain(self.plant, self.controllers, self.counts)
+        means[neutral], apart[1 + apart == 0] = 0, 0  # not counted, and I + D is to be regular
         found = np.concatenate(
             [
-                self._unstable(self._means(counts), integrators[first : first + step])
+                self._unstable(
+                    self._means(counts),
+                    means[first : first + step],
+                    integrators[first : first + step],
+                )
                 for first, counts in zip(range(0, len(self.counts), step), chunks, strict=True)
             ]
         )
@@ -76,9 +84,12 @@ class Subsets:
             used = np.asarray(alike.any(axis=0))
             if used.any():
                 differences = self._unstable(
-                    self._differences(used), self._integrating[used].astype(np.int64)
+                    self._differences(used),
+                    apart[used][:, None, None],
+                    self._integrating[used].astype(np.int64),
                 )
                 found = found + (alike[:, used] * differences).sum(axis=1)
+        found = np.where(neutral, INFINITELY_MANY, found)
         return np.where(at_origin > 0, at_origin, found)
 
     def _origin_poles(self) -> NDArray[np.int64]:
@@ -97,16 +108,12 @@ class Subsets:
         """Which controllers have integral action, (controllers,)."""
         return np.array([controller.integral_time is not None for controller in self.controllers])
 
-    def _unstable(self, loop_gain: LoopGain, integrators: NDArray[np.int64]) -> NDArray[np.int64]:
-        bends = corners(self.plant, loops=self.controllers)
-        dead_time, biproper = character(self.plant)
-        batch = Batch(loop_gain, bends, resonances(self.plant), dead_time, biproper, integrators)
-        found = count_unstable(batch)
-        if dead_time and biproper:
-            far = np.abs(loop_gain(np.array([1e9 * bends[-1]]))[0])
-            neutral = np.abs(np.linalg.eigvals(far)).max(axis=-1) >= 1
-            found = np.where(neutral, INFINITELY_MANY, found)
-        return found
+    def _unstable(
+        self, loop_gain: LoopGain, direct: NDArray[np.float64], integrators: NDArray[np.int64]
+    ) -> NDArray[np.int64]:
+        reached = finite_reach(self.plant, self.controllers)
+        bends = np.sort(np.append(corners(self.plant, loops=self.controllers), reached))
+        return count_unstable(Batch(loop_gain, bends, resonances(self.plant), direct, integrators))
 
     def controller_response(self, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return all controllers at `omega` (k,), (k, controllers)."""

@@ -10,7 +10,7 @@ import numpy as np
 from solver.model.blocks import group_loops
 from solver.model.errors import InvalidInputError
 from solver.model.transfer_function import TransferFunction
-from solver.robustness.analysis import LoopAnalysis
+from solver.robustness.curves import LoopAnalysis
 from solver.robustness.worst_case import DiagonalPerturbation, RankOnePerturbation, worst_case
 from solver.simulation.actuators import CoupledActuators, OwnActuators
 from solver.stability.closed_loop import is_stable

@@ -7,16 +7,18 @@ the blocks (`solver.model.blocks`), each to its multiplicity (`solver.stability.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from solver.model.blocks import group_loops
 from solver.model.errors import UnsupportedPlantError
-from solver.model.frequencies import corners, resonances
+from solver.model.frequencies import corners, finite_reach, resonances
 from solver.model.plants import ParallelPlant
 from solver.stability.encirclements import Batch, count_unstable
-from solver.stability.singular import matrix_origin_poles, parallel_origin_poles
+from solver.stability.neutral import direct_gain, neutral_gain
+from solver.stability.singular import matrix_origin_poles, parallel_lost_directions
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -29,9 +31,9 @@ if TYPE_CHECKING:
 
 __all__ = [
     "INFINITELY_MANY",
-    "character",
+    "ClosedLoopPoles",
+    "closed_loop_poles",
     "is_stable",
-    "neutral_gain",
     "require_supported",
     "unstable_poles",
 ]
@@ -67,12 +69,40 @@ def require_supported(plant: Plant) -> None:
             raise UnsupportedPlantError(message, where)
 
 
+@dataclass(frozen=True)
+class ClosedLoopPoles:
+    """Closed-loop poles that keep a loop from being stable.
+
+    `right_half_plane`: how many have a real part >= 0, those at s = 0 apart; `INFINITELY_MANY` for
+    dead time with a direct feedthrough gain of 1 or more, which no real plant has. `at_origin`:
+    how many are at s = 0. They are controllers' integrators that a singular static gain keeps
+    from acting together: the loops do not run away but drift, and never settle.
+    """
+
+    right_half_plane: int
+    at_origin: int
+
+    @property
+    def stable(self) -> bool:
+        """Whether there are none."""
+        return not (self.right_half_plane or self.at_origin)
+
+
 def is_stable(plant: Plant, loops: Sequence[Controller]) -> bool:
     """Whether the closed loop of `plant` with one controller a unit is stable."""
-    return unstable_poles(plant, loops) == 0
+    return closed_loop_poles(plant, loops).stable
 
 
 def unstable_poles(plant: Plant, loops: Sequence[Controller]) -> int:
+    """Count the closed-loop poles with a real part >= 0, those at s = 0 included.
+
+    Parameters, errors: as for `closed_loop_poles`.
+    """
+    poles = closed_loop_poles(plant, loops)
+    return poles.right_half_plane + poles.at_origin
+
+
+def closed_loop_poles(plant: Plant, loops: Sequence[Controller]) -> ClosedLoopPoles:
     """Count the closed-loop poles with a real part >= 0.
 
     Parameters
@@ -84,10 +114,8 @@ def unstable_poles(plant: Plant, loops: Sequence[Controller]) -> int:
 
     Returns
     -------
-    int
-        0 for a stable loop. `INFINITELY_MANY` for dead time with a direct feedthrough gain of 1
-        or more, which no real plant has. A pole on the axis counts as unstable. With a singular
-        static gain the controllers' integrators that cannot act are counted, and nothing else.
+    ClosedLoopPoles
+        A pole on the imaginary axis away from 0 counts as one in the right half plane.
 
     Raises
     ------
@@ -99,50 +127,43 @@ def unstable_poles(plant: Plant, loops: Sequence[Controller]) -> int:
     """
     require_supported(plant)
     blocks, controllers = group_loops(plant, loops)
-    bends = corners(plant, loops=controllers)
-    if neutral_gain(blocks, controllers) >= 1:
-        return INFINITELY_MANY
+    bends = np.sort(np.append(corners(plant, loops=controllers), finite_reach(plant, controllers)))
     integrating = np.array([controller.integral_time is not None for controller in controllers])
+    lost = [0] * len(blocks.blocks)
     if integrating.all():  # else the loops without integral action may hold what the others cannot
-        if isinstance(plant, ParallelPlant):
-            at_origin = parallel_origin_poles(plant, np.array([plant.n]))[0]
-        else:
-            at_origin = matrix_origin_poles(plant, np.ones((1, plant.n), dtype=bool))[0]
-        if at_origin:
-            return int(at_origin)
+        lost = _lost_directions(blocks)
+    multiplicities = [block.multiplicity for block in blocks.blocks]
+    at_origin = sum(m * count for m, count in zip(multiplicities, lost, strict=True))
+    acting, counts = loops, np.ones((1, plant.n))
+    if isinstance(plant, ParallelPlant):
+        acting, counts = controllers, np.array([[float(len(group)) for group in blocks.groups]])
+    if neutral_gain(plant, acting, counts)[0] >= 1:
+        return ClosedLoopPoles(INFINITELY_MANY, at_origin)
+    means, differences = direct_gain(plant, acting, counts)
     total = 0
     for index, block in enumerate(blocks.blocks):
 
         def loop_gain(omega: NDArray[np.float64], index: int = index) -> NDArray[np.complex128]:
             return _loop_gain(blocks, controllers, omega, index)[:, None]
 
+        direct = means if index == 0 else differences[list(block.channels), None, None]
         batch = Batch(
-            loop_gain, bends, resonances(plant), *character(plant),
-            int(integrating[list(block.channels)].sum()),
+            loop_gain, bends, resonances(plant), direct,
+            int(integrating[list(block.channels)].sum()) - lost[index],
         )  # fmt: skip
         total += block.multiplicity * int(count_unstable(batch)[0])
-    return total
+    return ClosedLoopPoles(total, at_origin)
 
 
-def character(plant: Plant) -> tuple[bool, bool]:
-    """Whether any element of the plant has dead time, and whether any is not strictly proper."""
-    return (
-        any(element.dead_time > 0 for element in plant.elements),
-        any(element.relative_degree == 0 for element in plant.elements),
-    )
-
-
-def neutral_gain(blocks: LoopBlocks, controllers: Sequence[Controller]) -> float:
-    """Bound of the loop gain's spectral radius at infinity; 0 without dead time."""
-    dead_time, biproper = character(blocks.plant)
-    if not (dead_time and biproper):
-        return 0.0
-    far = np.array([1e9 * corners(blocks.plant, loops=controllers)[-1]])
-    gains = [
-        np.abs(_loop_gain(blocks, controllers, far, index)[0])
-        for index in range(len(blocks.blocks))
-    ]
-    return max(float(np.abs(np.linalg.eigvals(gain)).max()) for gain in gains)
+def _lost_directions(blocks: LoopBlocks) -> list[int]:
+    """Return how many directions of the static gain each block lacks."""
+    plant = blocks.plant
+    if not isinstance(plant, ParallelPlant):
+        return [int(matrix_origin_poles(plant, np.ones((1, plant.n), dtype=bool))[0])]
+    lost_sum, lost_difference = parallel_lost_directions(plant, np.array([plant.n]))
+    difference = int(lost_difference)
+    means = int(lost_sum[0]) + (len(blocks.groups) - 1) * difference
+    return [means, *[difference] * (len(blocks.blocks) - 1)]
 
 
 def _loop_gain(

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -27,6 +27,8 @@ LoopGain: TypeAlias = "Callable[[NDArray[np.float64]], NDArray[np.complex128]]"
 LARGEST_TURN = 0.6  # rad between neighbouring points, a tenth of a full turn
 MAX_POINTS = 40_000
 POINTS_PER_DECADE = 30
+SMALL = 0.1  # at the high end: what is left of a loop's gain beyond its direct part,
+LEVEL = 1e-3  # or its relative change over a decade where dead time feeds through
 
 
 @dataclass(frozen=True)
@@ -41,8 +43,9 @@ class Batch:
         Ascending corner frequencies of all the loops, rad per time unit.
     resonances : (r,) float
         Frequencies that resolve lightly damped dynamics.
-    dead_time, biproper : bool
-        Whether any of L has dead time, and whether any does not vanish at infinity.
+    direct : (loops, m, m) float
+        What each L passes on at once: its limit at infinity, but for what passes on after a dead
+        time.
     integrators : (loops,) int, or int
         At least so many poles has det(I + L) at s = 0, those of the integrating controllers. A
         very weak direction shows its own far below all corners only, and there its closed-loop
@@ -53,13 +56,19 @@ class Batch:
     loop_gain: LoopGain
     bends: NDArray[np.float64]
     resonances: NDArray[np.float64]
-    dead_time: bool
-    biproper: bool
+    direct: NDArray[np.float64]
     integrators: NDArray[np.int64] | int = 0
 
-    def determinant(self, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
+    def determinant(self, omega: NDArray[np.float64]) -> _Determinant:
         """det(I + L) at `omega` (k,), (k, loops)."""
         return _determinant(self.loop_gain(omega))
+
+
+class _Determinant(NamedTuple):
+    """det(I + L) = direction e^log_size: of many loops it does not fit a double."""
+
+    direction: NDArray[np.complex128]
+    log_size: NDArray[np.float64]
 
 
 def count_unstable(batch: Batch) -> NDArray[np.int64]:
@@ -67,29 +76,41 @@ def count_unstable(batch: Batch) -> NDArray[np.int64]:
 
     A pole on the axis counts as unstable. The gain of a loop with dead time must be below one at
     infinity.
+
+    Raises
+    ------
+    ArithmeticError
+        A loop gain that is no number: none can be counted.
+
     """
     low, order, start = _low_end(batch)
-    high, gain = _high_end(batch)
+    high, rest = _high_end(batch)
     extra = [batch.resonances, batch.bends]
     turned, lost = _turns(batch, grid(low, high, POINTS_PER_DECADE, extra))
-    # From 0+ to the first point, and from the last one to infinity, by the known limits.
+    # From 0+ to the first point, and from the last one to infinity, by the known limits: there
+    # det(I + L) = det(I + D) det(I + rest) with det(I + D) real, and I + t rest is regular for t
+    # in 0..1, so that each of its eigenvalues turns back to one.
     turned += np.angle(np.where(start.real > 0, start, -start))
-    turned -= _last_turn(batch, gain)
+    turned -= np.angle(1 + np.linalg.eigvals(rest)).sum(axis=-1)
     hidden = np.maximum(batch.integrators - order, 0)
-    count = np.round(order / 2 - turned / math.pi + hidden).astype(int)
+    half_turns = np.round(order / 2 - turned / math.pi + hidden)
+    if not np.isfinite(half_turns).all():
+        message = "the loop gain is not a number somewhere on the frequency axis"
+        raise ArithmeticError(message)
+    count = half_turns.astype(int)
     return np.where(lost, np.maximum(count, 1), count)
 
 
 def _low_end(
     batch: Batch,
 ) -> tuple[float, NDArray[np.float64], NDArray[np.complex128]]:
-    """Return a frequency below which det ~ K s^-order, and order and K, (loops,)."""
+    """Return a frequency below which det ~ K s^-order, order, and the direction of K, (loops,)."""
     omega = 1e-3 * float(batch.bends[0])
     for _ in range(30):
-        here, below = batch.determinant(np.array([omega, omega / 2]))
-        slope = np.log2(np.abs(below) / np.abs(here))
+        direction, log_size = batch.determinant(np.array([omega, omega / 2]))
+        slope = (log_size[1] - log_size[0]) / math.log(2)
         order = np.round(slope)
-        rest = here * (1j * omega) ** order
+        rest = direction[0] * 1j**order
         at_limit = np.abs(rest.imag) < 0.05 * np.abs(rest.real)
         if np.all((np.abs(slope - order) < 0.01) & at_limit & (order >= batch.integrators)):
             break
@@ -98,43 +119,41 @@ def _low_end(
 
 
 def _high_end(batch: Batch) -> tuple[float, NDArray[np.complex128]]:
-    """Return a frequency above which the loop gains stay small, or constant, and L there."""
+    """Return a frequency above which the loops are near their limits, and how far they are there.
+
+    The second is (I + D)^-1 (L - D), D the direct part of L: small, or below one in its spectral
+    radius where something passes on after a dead time.
+    """
     omega = 1e3 * float(batch.bends[-1])
+    through = np.eye(batch.direct.shape[-1]) + batch.direct
+    before = math.inf
     for _ in range(30):
         L = batch.loop_gain(np.array([omega]))[0]
+        rest = np.linalg.solve(through, L - batch.direct)
         # No eigenvalue exceeds the sum of a row.
-        if batch.biproper or np.abs(L).sum(axis=-1).max() < 0.1:
+        size = float(np.abs(rest).sum(axis=-1).max())
+        if size < SMALL or abs(size - before) < LEVEL * size:
             break
-        omega *= 10
-    return omega, L
+        omega, before = 10 * omega, size
+    return omega, rest
 
 
-def _last_turn(batch: Batch, L: NDArray[np.complex128]) -> NDArray[np.float64]:
-    """Return the argument at the high end relative to its limit at infinity, (loops,)."""
-    eigenvalues = np.linalg.eigvals(L)
-    # I + t L is regular for t in 0..1 where L is small, so each eigenvalue turns back to 1.
-    directly = np.angle(1 + eigenvalues).sum(axis=-1)
-    value = _determinant(L)
-    to_real_axis = np.angle(np.where(value.real > 0, value, -value))
-    near = batch.dead_time | (np.abs(eigenvalues).max(axis=-1) < 0.5)
-    return np.asarray(np.where(near, directly, to_real_axis))
-
-
-def _determinant(L: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def _determinant(L: NDArray[np.complex128]) -> _Determinant:
     """det(I + L) of each L (..., m, m)."""
-    return np.asarray(np.linalg.det(np.eye(L.shape[-1]) + L))
+    return _Determinant(*np.linalg.slogdet(np.eye(L.shape[-1]) + L))
 
 
 def _turns(
     batch: Batch, omega: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Total turn of each argument over `omega`, refined, and where it passes through 0."""
-    values = batch.determinant(omega)
+    values, log_size = batch.determinant(omega)
     lost: NDArray[np.bool_] = np.zeros(values.shape[1], dtype=bool)
+    # A determinant of many loops rises faster than each of them: a factor e for every four.
+    steep = max(1.0, 0.25 * batch.loop_gain(omega[:1]).shape[-1])
     while True:
-        ratio = values[1:] / values[:-1]
-        turn = np.angle(ratio)
-        coarse = (np.abs(turn) > LARGEST_TURN) | (np.abs(np.log(np.abs(ratio))) > 1)
+        turn = np.angle(values[1:] * values[:-1].conj())
+        coarse = (np.abs(turn) > LARGEST_TURN) | (np.abs(np.diff(log_size, axis=0)) > steep)
         coarse = coarse & ~lost
         middle = np.sqrt(omega[1:] * omega[:-1])
         # No room between two points, or for more of them: a zero on the axis.
@@ -147,5 +166,7 @@ def _turns(
         if not split.any():
             return turn.sum(axis=0), lost
         where = np.flatnonzero(split) + 1
-        values = np.insert(values, where, batch.determinant(middle[split]), axis=0)
+        directions, sizes = batch.determinant(middle[split])
+        values = np.insert(values, where, directions, axis=0)
+        log_size = np.insert(log_size, where, sizes, axis=0)
         omega = np.insert(omega, where, middle[split])

@@ -22,6 +22,7 @@ __all__ = [
     "has_empty_line",
     "is_singular",
     "matrix_origin_poles",
+    "parallel_lost_directions",
     "parallel_origin_poles",
 ]
 
@@ -42,6 +43,17 @@ def is_singular(matrix: NDArray[np.inexact[Any]]) -> bool:
 def parallel_origin_poles(plant: ParallelPlant, units: NDArray[np.int64]) -> NDArray[np.int64]:
     """Count the closed-loop poles at s = 0 with that many `units` in service, (k,).
 
+    Parameters: as for `parallel_lost_directions`.
+    """
+    lost_sum, lost_difference = parallel_lost_directions(plant, units)
+    return np.asarray(lost_sum + (units - 1) * int(lost_difference))
+
+
+def parallel_lost_directions(
+    plant: ParallelPlant, units: NDArray[np.int64]
+) -> tuple[NDArray[np.bool_], bool]:
+    """Whether the sum of that many `units` has no static gain, (k,), and whether differences have.
+
     The gain of the sum is g + (m - 1) i, that of the m - 1 differences g - i. Integrating units
     count where g and i are the same function.
 
@@ -53,13 +65,14 @@ def parallel_origin_poles(plant: ParallelPlant, units: NDArray[np.int64]) -> NDA
         m, at least 1.
 
     """
+    if plant.n == 1:
+        return np.zeros(units.shape, dtype=bool), False
     own, other = plant.process.static_gain, plant.interaction.static_gain
     if not (np.isfinite(own) and np.isfinite(other)):
-        return np.asarray((units - 1) * int(plant.process == plant.interaction))
+        return np.zeros(units.shape, dtype=bool), plant.process == plant.interaction
     size = abs(own) + (units - 1) * abs(other)
     lost_sum = np.abs(own + (units - 1) * other) * SINGULAR_CONDITION <= size
-    lost_difference = abs(own - other) * SINGULAR_CONDITION <= abs(own) + abs(other)
-    return np.asarray(lost_sum + (units - 1) * int(lost_difference))
+    return lost_sum, abs(own - other) * SINGULAR_CONDITION <= abs(own) + abs(other)
 
 
 def matrix_origin_poles(plant: MatrixPlant, in_service: NDArray[np.bool_]) -> NDArray[np.int64]:

@@ -14,7 +14,7 @@ from solver.model.plants import ParallelPlant
 from solver.model.remarks import plant_remarks
 from solver.model.transfer_function import LARGEST
 from solver.model.validation import instance
-from solver.robustness.analysis import LoopAnalysis
+from solver.robustness.curves import LoopAnalysis
 from solver.robustness.integrity import in_one_line
 from solver.stability.closed_loop import require_supported, unstable_poles
 from solver.tuning.bounds import parameter_names

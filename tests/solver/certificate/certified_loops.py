@@ -13,7 +13,7 @@ from solver.model.controllers import Controller
 from solver.model.plants import MatrixPlant, ParallelPlant, Plant, first_order
 from solver.model.transfer_function import TransferFunction
 from solver.model.weights import Performance, Structure, Uncertainty
-from solver.robustness.analysis import LoopAnalysis
+from solver.robustness.curves import LoopAnalysis
 
 # Skogestad, Lundstrom and Hovd (1989), section 5: independent loops, tau_P = 19.
 PUBLISHED_PEAK = 1.00034840

@@ -8,7 +8,7 @@ from zoo import ZOO
 from solver.model.blocks import group_loops
 from solver.model.errors import InvalidInputError
 from solver.mu import BlockStructure, bound_of_scales, sdp, upper_bound
-from solver.robustness.analysis import LoopAnalysis
+from solver.robustness.curves import LoopAnalysis
 
 EXTREMES = np.array([1e-6, 1e-3, 0.02, 0.3, 1.5, 1e2, 1e6])
 

@@ -17,7 +17,7 @@ from solver.model.plants import MatrixPlant, ParallelPlant, Plant, first_order
 from solver.model.subsystems import subsystem
 from solver.model.transfer_function import TransferFunction
 from solver.model.weights import Performance, Structure, Uncertainty
-from solver.robustness.analysis import LoopAnalysis
+from solver.robustness.curves import LoopAnalysis
 from solver.robustness.integrity import (
     MAX_CLASSES,
     Detuning,

@@ -9,7 +9,8 @@ from solver.model.errors import InvalidInputError
 from solver.model.plants import ParallelPlant, first_order
 from solver.model.transfer_function import TransferFunction
 from solver.model.weights import Performance, Uncertainty
-from solver.robustness.analysis import LoopAnalysis, analyse
+from solver.robustness.analysis import analyse
+from solver.robustness.curves import LoopAnalysis
 
 PUBLISHED = (Controller(46.3, 101), Controller(22.8, 3.15))
 

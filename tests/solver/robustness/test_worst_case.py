@@ -13,7 +13,7 @@ from solver.model.controllers import Controller
 from solver.model.plants import MatrixPlant, Plant, first_order
 from solver.model.transfer_function import TransferFunction
 from solver.model.weights import Performance, Structure, Uncertainty
-from solver.robustness.analysis import LoopAnalysis
+from solver.robustness.curves import LoopAnalysis
 from solver.robustness.worst_case import (
     DiagonalPerturbation,
     Entry,

@@ -33,8 +33,8 @@ def scalar_loops(loops: list[tuple[list[float], list[float]]], dead_time: float 
         values = [np.polyval(num, s) / np.polyval(den, s) for num, den in loops]
         return (np.stack(values, axis=-1) * np.exp(-dead_time * s)[:, None])[:, :, None, None]
 
-    biproper = any(len(num) == len(den) for num, den in loops)
-    return Batch(loop_gain, BENDS, np.array([]), dead_time > 0, biproper)
+    direct = [num[0] / den[0] if len(num) == len(den) else 0.0 for num, den in loops]
+    return Batch(loop_gain, BENDS, np.array([]), np.array(direct)[:, None, None])
 
 
 def test_counts_are_those_of_the_closed_loop_polynomial() -> None:
@@ -75,5 +75,5 @@ def test_coupled_loops_count_by_their_determinant() -> None:
         L[:, 0, 0, 1] = 5 / (s + 2)
         return L
 
-    found = count_unstable(Batch(loop_gain, BENDS, np.array([]), dead_time=False, biproper=False))
+    found = count_unstable(Batch(loop_gain, BENDS, np.array([]), np.zeros((1, 2, 2))))
     assert found.tolist() == [3]

@@ -10,7 +10,7 @@ from solver.model.errors import Cancelled, InvalidInputError, UnsupportedPlantEr
 from solver.model.plants import ParallelPlant, first_order
 from solver.model.transfer_function import TransferFunction
 from solver.model.weights import Performance, Uncertainty
-from solver.robustness.analysis import LoopAnalysis
+from solver.robustness.curves import LoopAnalysis
 from solver.stability.closed_loop import is_stable
 from solver.tuning import Arrangement, Bounds, ControllerKind, Objective, Specification, tune
 from solver.tuning.record import Status

@@ -1,0 +1,329 @@
+"""Peaks of mu over all frequencies, 0 and infinity included: proven, not sampled.
+
+Counterexample-guided search. With the highest value m found so far, march along the axis and prove
+mu <= m (1 + `BRACKET`) interval by interval (`solver.robustness.march`). Where no interval can be
+proven, look there for a higher value; a proof made for a lower level holds for the higher one, so
+the march goes on from where it stood. What comes out is a bracket [m, m (1 + `BRACKET`)] of the
+upper bound of mu on the whole axis, or the reason why there is none. The ends of the axis are
+where the proof reaches 0 and infinity: the loop's own, not those of the plant's corners.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from solver.certificate.enclosed_loop import Loop
+from solver.certificate.record import Claim
+from solver.certificate.reduction import MAX_SETTINGS, settings_of
+from solver.model.blocks import group_loops
+from solver.model.peaks import Peak, zoom
+from solver.robustness.curves import LoopAnalysis
+from solver.robustness.enclosed_forms import NOMINAL, ROBUST, STABILITY, TURN
+from solver.robustness.march import march
+from solver.robustness.record import Curves, Guarantee, GuaranteeStatus, Peaks
+from solver.robustness.tables import Scratch, Tables, scratch, tables
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from solver.model.controllers import Controller
+    from solver.model.plants import Plant
+    from solver.model.weights import Performance, Uncertainty
+
+__all__ = ["BRACKET", "AxisPeaks", "proven_count", "proven_peaks"]
+
+BRACKET = 1e-4  # relative width of what is proven; a touch of the level cannot be
+FIRST_STEP = 0.7  # log(ratio) of the ends of the first interval
+SHORT = 0.01  # log(ratio) at which the curve is looked at before shorter intervals are tried,
+SHORTER = 0.05  # each time so much shorter,
+SHORTEST = 1e-11  # down to this one: frequencies of 16 digits have few points left in it
+LOOKS = 24  # points of a look
+AHEAD = 20  # intervals that it reaches ahead
+MAX_STEPS = 60_000  # of a march: a second or two for two loops
+MAX_LOOKS = 400
+TAIL_STEP, TAIL_STEPS = 4.0, 30  # ends of the axis that are tried: up to 1e18 beyond the grid
+LIMITS = np.array([1e1, 1e2, 1e4, 1e6])  # beyond the ends, where the limits show
+SECTIONS, ROUNDS = 32, 4  # of a refinement: 16^4, a peak right to 1e-9 of its drop over the bracket
+NEAR = 3 * BRACKET  # maxima so far below the highest may be the highest once refined
+PER_DECADE = 12.0  # points that carry D-scales beyond the grid
+MAX_POLISHED = 20
+RESOLVING, BEND, MAX_SAMPLES = 12, 0.02, 20_000  # rounds, in log of the curve, in all
+
+
+@dataclass(frozen=True)
+class AxisPeaks:
+    """Peaks of the three curves over all frequencies, and what is proven of them.
+
+    Attributes
+    ----------
+    peaks : Peaks
+        The highest values found, each attained at its frequency.
+    guarantee : Guarantee
+        Of robust performance.
+    proven : tuple of bool
+        Whether no frequency exceeds the peak by more than `BRACKET`: for robust performance, robust
+        stability, nominal performance.
+    curves : Curves
+        The curves on the grid that resolves the loop.
+    unstable : int or None
+        Closed-loop poles with Re s >= 0, counted by proof; None where the proof was not found.
+
+    """
+
+    peaks: Peaks
+    guarantee: Guarantee
+    proven: tuple[bool, bool, bool]
+    curves: Curves
+    unstable: int | None
+
+
+def proven_peaks(
+    plant: Plant,
+    uncertainty: Uncertainty,
+    performance: Performance,
+    loops: Sequence[Controller],
+) -> AxisPeaks:
+    """Return the peaks of robust performance, robust stability and nominal performance.
+
+    Parameters
+    ----------
+    plant : Plant
+        Open-loop stable or integrating.
+    uncertainty, performance : Uncertainty, Performance
+        The weights; `performance.tau_p` is needed.
+    loops : sequence of Controller
+        One a unit, nominally stable together.
+
+    """
+    blocks, controllers = group_loops(plant, loops, uncertainty.structure)
+    analysis = LoopAnalysis(blocks, controllers, uncertainty, performance)
+    compiled = _compiled(plant, uncertainty, performance, loops)
+    omega = analysis.omega
+    sampled = [analysis.level(kind, omega) for kind in (ROBUST, STABILITY, NOMINAL)]
+    curves = Curves(omega, *(values for values, _ in sampled))
+    first = analysis.peaks(curves)
+    searches = [
+        _Search(analysis, compiled, kind, peak)
+        for kind, peak in (
+            (ROBUST, first.robust_performance),
+            (STABILITY, first.robust_stability),
+            (NOMINAL, first.nominal_performance),
+        )
+    ]
+    for search, samples in zip(searches, sampled, strict=True):
+        search.take(omega, *samples)
+        search.close()
+    unstable = None if compiled is None else _count(*compiled, analysis)
+    reason = searches[0].reason
+    if reason is None and unstable is None:
+        reason = "nominal stability was counted, not proven"
+    level = (1 + BRACKET) * searches[0].peak.value
+    return AxisPeaks(
+        Peaks(*(search.peak for search in searches)),
+        Guarantee(GuaranteeStatus.OPEN if reason else GuaranteeStatus.PROVEN, level, reason),
+        (searches[0].reason is None, searches[1].reason is None, searches[2].reason is None),
+        curves,
+        unstable,
+    )
+
+
+def proven_count(plant: Plant, loops: Sequence[Controller], analysis: LoopAnalysis) -> int | None:
+    """Count the closed-loop poles with Re s >= 0 by proof; None where none was found."""
+    compiled = _compiled(plant, analysis.uncertainty, analysis.performance, loops)
+    return None if compiled is None else _count(*compiled, analysis)
+
+
+def _compiled(
+    plant: Plant, uncertainty: Uncertainty, performance: Performance, loops: Sequence[Controller]
+) -> tuple[Tables, Scratch] | None:
+    """Return the loop for the compiled enclosures; None where it has too many settings."""
+    if len(settings_of(plant, loops)) > MAX_SETTINGS:
+        return None
+    level = 1.0  # each march brings its own
+    T = tables(Loop.of(Claim(plant, uncertainty, performance, tuple(loops), level)))
+    return T, scratch(T)
+
+
+def _count(T: Tables, S: Scratch, analysis: LoopAnalysis) -> int | None:
+    low = high = float(np.sqrt(analysis.omega[0] * analysis.omega[-1]))
+    angles = np.zeros(T.multiplicity.size)
+    for _ in range(TAIL_STEPS):
+        if _follow(T, S, 0.0, low, angles) >= low:
+            break
+        low /= TAIL_STEP
+    else:
+        return None
+    for _ in range(TAIL_STEPS):
+        if math.isinf(_follow(T, S, high, math.inf, angles)):
+            break
+        high *= TAIL_STEP
+    else:
+        return None
+    if low < high and _follow(T, S, low, high, angles) < high:
+        return None
+    zeros = np.round(-angles)
+    # Each is a sum of some hundred angles, right to 1e-4 at worst.
+    if not np.abs(-angles - zeros).max() < 0.1:
+        return None
+    return int(np.sum(zeros * T.multiplicity))
+
+
+def _follow(
+    T: Tables, S: Scratch, low: float, high: float, angles: NDArray[np.float64]
+) -> float:
+    """Follow det(I + G C) from `low` upwards, at most to `high`; return how far."""
+    no_scales, no_level = np.zeros((2, T.controllers)), 1.0
+    return float(
+        march(
+            T, S, np.array([0.0, 1.0]), no_scales, low, high, FIRST_STEP, SHORTEST, MAX_STEPS,
+            no_level, TURN, angles,
+        )[0]
+    )  # fmt: skip
+
+
+class _Search:
+    """One curve: its samples, its highest value, and why it is not proven, if it is not."""
+
+    def __init__(
+        self,
+        analysis: LoopAnalysis,
+        compiled: tuple[Tables, Scratch] | None,
+        curve: int,
+        peak: Peak,
+    ) -> None:
+        self.analysis = analysis
+        self.compiled = compiled
+        self.curve = curve
+        self.peak = peak
+        self.reason: str | None = None
+        self.omega: NDArray[np.float64] = np.empty(0)
+        self.values: NDArray[np.float64] = np.empty(0)
+        self.y: NDArray[np.float64] = np.empty((0, analysis.blocks.n_scales))
+
+    def close(self) -> None:
+        """Prove the peak, raising it on the way where it was too low."""
+        if self.compiled is None:
+            self.reason = f"more than {MAX_SETTINGS} loops differ"
+            self._resolve()
+            return
+        self._prove(*self.compiled)
+        self._polish()
+
+    def _prove(self, T: Tables, S: Scratch) -> None:
+        high = self._end(T, S, upper=True)
+        low = self._end(T, S, upper=False)
+        if low is None or high is None:
+            where = "infinity" if high is None else "zero"
+            self.reason = f"no proof towards the frequency {where}"
+            self._resolve()
+            return
+        steps, shortest, log_ratio = MAX_STEPS, SHORT, FIRST_STEP
+        for _ in range(MAX_LOOKS):
+            level2 = ((1 + BRACKET) * self.peak.value) ** 2
+            reached, log_ratio, steps = march(
+                T, S, np.log(self.omega), self.y, low, high, log_ratio, shortest, steps, level2,
+                self.curve, np.zeros(T.multiplicity.size),
+            )  # fmt: skip
+            if reached >= high:
+                return
+            if steps <= 0 or (reached <= low and shortest < SHORTEST):
+                break
+            shortest = SHORTER * shortest if reached <= low * (1 + AHEAD * shortest) else SHORT
+            low = reached
+            self._look(low * np.exp(np.linspace(-1, AHEAD, LOOKS) * log_ratio))
+            log_ratio = min(AHEAD * log_ratio, FIRST_STEP)
+        self.reason = f"no proof near omega = {low:.6g}: the curve varies too quickly there"
+
+    def _end(self, T: Tables, S: Scratch, *, upper: bool) -> float | None:
+        """Return a frequency from which the curve is proven to the end of the axis."""
+        factor = TAIL_STEP if upper else 1 / TAIL_STEP
+        start = self.omega[-1] if upper else self.omega[0]
+        ends = start * factor ** np.arange(TAIL_STEPS)
+        ends = ends[(ends < 1e200) & (ends > 1e-200)]
+        # Inside the interval, where one set of scales serves best.
+        inside = 2 * ends if upper else 0.5 * ends
+        for first in range(0, ends.size, 3):
+            part = slice(first, first + 3)
+            values, d = self.analysis.level(self.curve, inside[part])
+            sound = np.isfinite(values) & np.isfinite(d).all(axis=1)
+            self.take(inside[part][sound], values[sound], d[sound])
+            for end, y in zip(ends[part][sound].tolist(), 2 * np.log(d[sound]), strict=True):
+                if not self._holds_beyond(T, S, end, y, upper=upper):
+                    continue
+                limits = end * LIMITS if upper else end / LIMITS
+                decades = abs(math.log10(end / start))
+                between = np.geomspace(start, end, int(PER_DECADE * decades) + 2)
+                self._look(np.concatenate([limits, between]))
+                return float(end)
+        return None
+
+    def _holds_beyond(
+        self, T: Tables, S: Scratch, end: float, y: NDArray[np.float64], *, upper: bool
+    ) -> bool:
+        """Whether the curve is proven from `end` to infinity, or down to 0."""
+        low, high = (end, math.inf) if upper else (0.0, end)
+        reached, _, _ = march(
+            T, S, np.array([0.0, 1.0]), np.tile(y, (2, 1)), low, high, 1.0, 0.0, 1,
+            ((1 + BRACKET) * self.peak.value) ** 2, self.curve, np.zeros(T.multiplicity.size),
+        )  # fmt: skip
+        return bool(reached >= high)
+
+    def _resolve(self) -> None:
+        """Halve the grid's intervals where the curve turns, where no proof tells where to look."""
+        # One look costs as many solves as the grid had: with many loops there is time for few.
+        for _ in range(RESOLVING if self.analysis.blocks.n_scales <= MAX_SETTINGS else 1):
+            values = np.log(np.maximum(self.values, np.finfo(float).tiny))
+            bend = np.abs(np.diff(values, 2))
+            turning = np.flatnonzero(bend > BEND)
+            where = np.unique(np.concatenate([turning, turning + 1]))
+            if not where.size or self.omega.size > MAX_SAMPLES:
+                return
+            self._look(np.sqrt(self.omega[where] * self.omega[where + 1]))
+
+    def _look(self, omega: NDArray[np.float64]) -> None:
+        values, d = self.analysis.level(self.curve, omega)
+        sound = np.isfinite(values) & np.isfinite(d).all(axis=1)
+        self.take(omega[sound], values[sound], d[sound])
+
+    def take(
+        self, omega: NDArray[np.float64], values: NDArray[np.float64], d: NDArray[np.float64]
+    ) -> None:
+        """Keep samples; where one exceeds the peak, refine it."""
+        both = np.concatenate([self.omega, omega])
+        _, index = np.unique(both, return_index=True)
+        self.omega = both[index]
+        self.values = np.concatenate([self.values, values])[index]
+        self.y = np.concatenate([self.y, 2 * np.log(d)])[index]
+        if values.size and values.max() > self.peak.value:
+            self._refine(np.array([int(np.argmax(self.values))]))
+
+    def _refine(self, tops: NDArray[np.intp]) -> None:
+        """Zoom in on the samples with these indices; the peak rises with what is found."""
+        low = np.log(self.omega[np.maximum(tops - 1, 0)])
+        high = np.log(self.omega[np.minimum(tops + 1, self.omega.size - 1)])
+
+        def curve(_: NDArray[np.intp], points: NDArray[np.float64]) -> NDArray[np.float64]:
+            values = self.analysis.level(self.curve, points.ravel())[0]
+            return np.where(np.isfinite(values), values, 0.0).reshape(points.shape)
+
+        omega, values = zoom(
+            curve, low, high, self.omega[tops], self.values[tops],
+            sections=SECTIONS, rounds=ROUNDS,
+        )  # fmt: skip
+        best = int(np.argmax(values))
+        if values[best] > self.peak.value:
+            self.peak = Peak(float(values[best]), float(omega[best]))
+
+    def _polish(self) -> None:
+        """Refine the maxima that may be the highest: the bracket says no more than 1e-4."""
+        padded = np.concatenate([[-np.inf], self.values, [-np.inf]])
+        top = (padded[1:-1] >= padded[:-2]) & (padded[1:-1] > padded[2:])
+        tops = np.flatnonzero(top & (self.values >= (1 - NEAR) * self.peak.value))
+        if tops.size:
+            self._refine(tops[np.argsort(-self.values[tops])][:MAX_POLISHED])

@@ -1,0 +1,104 @@
+"""Peaks of mu over all frequencies: proven, attained, and never below what a dense grid finds."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from solver.certificate import Certificate, Claim, check
+from solver.certificate.search import certify
+from solver.model.controllers import Controller
+from solver.model.plants import MatrixPlant, first_order
+from solver.model.transfer_function import TransferFunction
+from solver.model.weights import Performance, Uncertainty
+from solver.robustness.analysis import analyse
+from solver.robustness.axis import BRACKET, proven_peaks
+from solver.robustness.record import GuaranteeStatus
+from solver.stability.closed_loop import is_stable
+from tests.solver.robustness.unusual_loops import dense_peak, draw, unstable_count
+from tests.zoo import ZOO
+
+COARSE = 3_000  # points of a check here; the bench takes 20,000
+TAU_P = 30.0
+
+
+def single(num: list[float], den: list[float], dead_time: float = 0.0) -> MatrixPlant:
+    """A plant with one loop."""
+    return MatrixPlant([[TransferFunction(num, den, dead_time)]])
+
+
+def test_a_peak_far_beyond_the_plants_corners_is_found() -> None:
+    """1/(s + 1)^2 with a gain of a million peaks where the loop does: at omega = 1000."""
+    found = proven_peaks(
+        single([1], [1, 2, 1]), Uncertainty.from_error(0.01, 0), Performance(tau_p=1),
+        [Controller(1e6, 1)],
+    )  # fmt: skip
+    # There |1 + L| is 2e-3 and |T| = |S| = 1/2e-3 = 500 and more: |w_I T| + |w_P S|.
+    omega = np.linspace(999.9, 1000.1, 20_001)
+    s = 1j * omega
+    L = 1e6 * (1 + 1 / s) / (s + 1) ** 2
+    right = (0.01 * np.abs(L) + 0.5 * np.abs((s + 1) / s)) / np.abs(1 + L)
+    assert found.peaks.robust_performance.value == pytest.approx(right.max(), rel=1e-6)
+    assert found.peaks.robust_stability.value == pytest.approx(10, rel=1e-3)
+    assert found.guarantee.status is GuaranteeStatus.PROVEN
+
+
+def test_a_spike_between_the_points_of_a_grid_is_found() -> None:
+    """A loop close to its limit has a spike that hides between the points of any fixed grid."""
+    found = proven_peaks(
+        single([1], [10, 1], 1), Uncertainty.from_error(0.0005, 0.001),
+        Performance(max_peak=40, tau_p=2), [Controller(15.9, 1000)],
+    )  # fmt: skip
+    assert found.peaks.robust_performance.value == pytest.approx(1.18376, rel=1e-5)
+    assert found.peaks.robust_performance.omega == pytest.approx(1.61983, rel=1e-5)
+
+
+@pytest.mark.parametrize("damping", [1e-3, 1e-5, 1e-7])
+def test_lightly_damped_poles_of_the_plant_are_found(damping: float) -> None:
+    """A resonance of any sharpness: S or T peaks on its flank, and the bracket closes there."""
+    plant = single([1], [1, 2 * damping, 1])
+    loops = [Controller(1e-3 * damping, 10)]
+    found = proven_peaks(plant, Uncertainty.from_error(0.1, 0.1), Performance(tau_p=1e5), loops)
+    assert found.proven == (True, True, True)
+    assert found.unstable == 0
+
+
+@pytest.mark.parametrize("case", ZOO, ids=str)
+def test_the_level_of_a_guarantee_can_be_certified(case) -> None:
+    """What the quick enclosures prove, the certificate's exact ones prove as well."""
+    performance = Performance(tau_p=TAU_P)
+    found = proven_peaks(case.plant, Uncertainty.from_error(0.2, 1), performance, case.loops)
+    peak, guarantee = found.peaks.robust_performance.value, found.guarantee
+    assert guarantee.status is GuaranteeStatus.PROVEN
+    assert guarantee.level == pytest.approx((1 + BRACKET) * peak)
+    level = peak * (1 + 2 * BRACKET)
+    claim = Claim(case.plant, Uncertainty.from_error(0.2, 1), performance, tuple(case.loops), level)
+    certificate = certify(claim)
+    assert isinstance(certificate, Certificate)
+    assert check(certificate).ok
+
+
+def test_too_many_different_loops_leave_the_question_open() -> None:
+    """Beyond the proof's reach the result says so, and why."""
+    loops = [Controller(1 + 1e-3 * unit, 100) for unit in range(22)]
+    plant = first_order(22, 1, 100, 0.01, 1)
+    result = analyse(plant, Uncertainty.from_error(0.2, 1), Performance(tau_p=TAU_P), loops)
+    assert result.guarantee is not None
+    assert result.guarantee.status is GuaranteeStatus.OPEN
+    assert result.guarantee.reason == "more than 20 loops differ"
+
+
+@pytest.mark.parametrize("seed", range(100))
+def test_unusual_loops(seed: int) -> None:
+    """No dense grid finds a higher peak, and an independent winding count the same stability."""
+    drawn = draw(np.random.default_rng(seed))
+    stable = is_stable(drawn.plant, drawn.loops)
+    counted = unstable_count(drawn, COARSE)
+    if counted is not None:
+        assert stable == (counted == 0)
+    if not stable:
+        return
+    found = proven_peaks(drawn.plant, drawn.uncertainty, drawn.performance, drawn.loops)
+    assert found.unstable in {0, None}
+    peak = found.peaks.robust_performance.value
+    assert dense_peak(drawn, peak, COARSE) <= peak * (1 + 1e-6)
