@@ -73,6 +73,11 @@ class Configuration(BaseSettings):
     cors_origins: tuple[str, ...] = Field(
         default=(), description="Origins whose pages may call; JSON list. Default: none."
     )
+    worker_wait: float = Field(
+        default=120.0,
+        gt=0,
+        description="Longest wait of a batch for the first worker of a scheduler, seconds.",
+    )
     max_wait: float = Field(
         default=60.0, gt=0, description="Longest wait that `Prefer: wait=N` gets, seconds."
     )

@@ -1,49 +1,46 @@
-"""``mutune batch``: many requests on the service's engine, one line of results a request."""
+"""``mutune batch``: many requests on the service's engine, results in lines or as a table."""
 
 from __future__ import annotations
 
 import asyncio
-import hashlib
 import json
+import signal
 import sys
-from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import BinaryIO
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from service.batch.formats import Form, Rows, TableFormat
+from service.batch.request_lines import Item, read_items
+from service.batch.results_file import opened
+from service.batch.runner import NoWorkersError, Run
+from service.batch.table import writer
 from service.cli.outcomes import ExitCode, read_input, reported, say
-from service.configuration import Configuration
-from service.jobs.engine import Engine, EngineLostError, WorkerLostError
-from service.jobs.records import JobStatus, Outcome
-from service.problems import UnavailableError, describe
-from service.schemas import Fault, RequestError, canonical, parse_tuning_request
+from service.schemas import Fault, RequestError
 
-__all__ = ["batch_file", "resume_at"]
+__all__ = ["batch_file", "check_file", "run_items"]
 
-_AHEAD = 1000  # results kept while an earlier line is still being computed
-_RETRY = 1.0  # seconds before a task is sent again to a scheduler that went away
-
-
-@dataclass(frozen=True)
-class Item:
-    """A line of the batch: its digest, and the request or what is wrong with it (JSON)."""
-
-    digest: str
-    request: str
-    time_limit: float
-    error: str | None = None
+_EVERY = 10.0  # seconds between lines of progress where there is no terminal
 
 
 @reported
-def batch_file(requests: Path, *, results: Path | None, scheduler: str | None) -> ExitCode:
-    """Tune every line of `requests`; write a line a request, in the same order.
+def batch_file(
+    requests: Path,
+    *,
+    results: Path | None,
+    scheduler: str | None,
+    format_: TableFormat = TableFormat.NDJSON,
+    each: Rows = Rows.REQUEST,
+    form: Form = Form.CASCADE,
+    curves: bool = True,
+) -> ExitCode:
+    """Tune every line of `requests`; write a line or rows for each, in the same order.
 
-    A run that was stopped goes on where `results` ends when it is repeated.
+    A run that was stopped goes on where it was when it is repeated.
 
     Parameters
     ----------
@@ -53,6 +50,14 @@ def batch_file(requests: Path, *, results: Path | None, scheduler: str | None) -
         Where to write; None: standard output.
     scheduler : str or None
         Address of a Dask scheduler; None: processes on this machine.
+    format_ : TableFormat
+        Lines of JSON, or a table.
+    each : Rows
+        What a row of a table stands for.
+    form : Form
+        Form of the settings in a table.
+    curves : bool
+        Whether results keep their curves over frequency, most of their size.
 
     Returns
     -------
@@ -60,196 +65,157 @@ def batch_file(requests: Path, *, results: Path | None, scheduler: str | None) -
         BAD_INPUT where any line ended with an error, else DONE.
 
     """
-    items = [_item(line) for line in read_input(requests).splitlines()]
-    kinds: Counter[str] = Counter()
-    start = 0 if results is None else resume_at(results, items, kinds)
-    try:
-        with (
-            nullcontext(sys.stdout.buffer) if results is None else results.open("ab") as output,
-            _bar(start, len(items)) as advance,
-        ):
-            asyncio.run(_Batch(items, start, _writer(output, kinds, advance)).run(scheduler))
-    except KeyboardInterrupt:
-        hint = "" if results is None else " The same command does the rest."
-        say(f"Interrupted: {kinds.total()} of {len(items)} done.{hint}")
-        return ExitCode.INTERRUPTED
-    say(f"{len(items)} requests: " + ", ".join(f"{n} {kind}" for kind, n in kinds.items()))
-    return ExitCode.BAD_INPUT if kinds["error"] else ExitCode.DONE
+    if results is not None and _same_file(requests, results):
+        message = f"{results} is the file of requests; name another file for the results"
+        raise RequestError((Fault("", message),))
+    items = read_items(read_input(requests))
+    if results is not None:
+        _name_faults(requests, items)
+    return run_items(
+        items,
+        results=results,
+        scheduler=scheduler,
+        format_=format_,
+        each=each,
+        form=form,
+        curves=curves,
+    )
 
 
-def resume_at(path: Path, items: Sequence[Item], kinds: Counter[str]) -> int:
-    """Return how many results `path` holds already; cut off a line that was not finished.
+@reported
+def check_file(requests: Path) -> ExitCode:
+    """Check every line of `requests` and compute nothing.
 
     Parameters
     ----------
-    path : Path
-        Results file; it need not exist.
-    items : sequence of Item
-        The batch.
-    kinds : Counter
-        Receives the kinds of the results found.
+    requests : Path
+        A request a line (NDJSON), or ``-`` for standard input.
 
-    Raises
-    ------
-    RequestError
-        A line does not belong to these requests.
+    Returns
+    -------
+    ExitCode
+        BAD_INPUT where any line is at fault, else DONE.
 
     """
-    if not path.exists():
-        return 0
-    content = path.read_bytes()
-    whole = content[: content.rfind(b"\n") + 1]
-    for index, line in enumerate(whole.splitlines()):
+    items = read_items(read_input(requests))
+    faulty = _name_faults(requests, items)
+    distinct = len({item.digest for item in items})
+    say(f"{len(items)} requests, {distinct} different, {faulty} with faults")
+    return ExitCode.BAD_INPUT if faulty else ExitCode.DONE
+
+
+def run_items(
+    items: list[Item],
+    *,
+    results: Path | None,
+    scheduler: str | None,
+    format_: TableFormat,
+    each: Rows,
+    form: Form,
+    curves: bool,
+) -> ExitCode:
+    """Tune the requests; the arguments are those of `batch_file`."""
+    finish = None if format_ is TableFormat.NDJSON else writer(format_, items, each=each, form=form)
+    with opened(results, items, sys.stdout.buffer, finish) as kept:
+        already = len(kept.done)
         try:
-            entry = json.loads(line)
-            known = index < len(items) and entry["digest"] == items[index].digest
-            kinds[_kind(entry)] += known
-        except (ValueError, KeyError, TypeError):
-            known = False
-        if not known:
-            detail = f"{path}: line {index + 1} is no result of these requests; name another file"
-            raise RequestError((Fault("", detail),))
-    if len(whole) < len(content):
-        with path.open("r+b") as file:
-            file.truncate(len(whole))
-    return kinds.total()
+            with _stops_in_good_order(), _progress(already, len(items)) as advance:
+
+                def settle(index: int, content: str) -> None:
+                    entry = json.loads(f"{{{content}}}")
+                    if not curves and entry.get("result"):
+                        entry["result"]["curves"] = None
+                        content = f'"result": {json.dumps(entry["result"])}'
+                    kept.add(index, content)
+                    advance("error" in entry)
+
+                asyncio.run(Run(items, kept.done, settle, say).run(scheduler))
+        except KeyboardInterrupt:
+            hint = "" if results is None else " The same command does the rest."
+            say(f"Interrupted: {len(kept.done)} of {len(items)} done.{hint}")
+            return ExitCode.INTERRUPTED
+        except NoWorkersError as error:
+            say(f"error: {error}; {len(kept.done)} of {len(items)} done")
+            return ExitCode.CANNOT_START
+    kinds = sorted(kept.kinds.items(), key=lambda each: each[0] == "error")
+    say(f"{len(items)} requests: " + ", ".join(f"{n} {kind}" for kind, n in kinds))
+    return ExitCode.BAD_INPUT if kept.kinds["error"] else ExitCode.DONE
 
 
-class _Batch:
-    """Runs the items from `start` on, as many at a time as the engine has workers."""
-
-    def __init__(
-        self, items: Sequence[Item], start: int, write: Callable[[int, Item, str], None]
-    ) -> None:
-        self._items = items
-        self._next = start
-        self._write = write
-        self._written = start
-        self._lines: dict[int, str] = {}
-        self._wake = asyncio.Event()
-        # Equal requests are computed once: the index that computes stands for the others.
-        self._same: dict[str, list[int]] = {}
-
-    async def run(self, scheduler: str | None) -> None:
-        """Run to the end."""
-        configuration = Configuration()
-        engine = Engine(scheduler, configuration.workers, self._wake.set)
-        await engine.start()
-        running: set[asyncio.Task[None]] = set()
-        try:
-            while self._written < len(self._items):
-                while len(running) < engine.workers and (index := self._take()) is not None:
-                    task = asyncio.create_task(
-                        self._solve(engine, index, configuration.max_attempts)
-                    )
-                    task.add_done_callback(lambda _task: self._wake.set())
-                    running.add(task)
-                await self._wake.wait()
-                self._wake.clear()
-                for task in [task for task in running if task.done()]:
-                    running.remove(task)
-                    task.result()
-        finally:
-            for task in running:
-                task.cancel()
-            await asyncio.gather(*running, return_exceptions=True)
-            await engine.close()
-
-    def _take(self) -> int | None:
-        """Return the next item to be computed; settle those that need no computing."""
-        while self._next < min(len(self._items), self._written + _AHEAD):
-            index = self._next
-            self._next += 1
-            item = self._items[index]
-            if item.error is not None:
-                self._settle(index, f'"error": {item.error}')
-            elif item.digest in self._same:
-                self._same[item.digest].append(index)
-            else:
-                self._same[item.digest] = [index]
-                return index
-        if self._written == len(self._items):
-            self._wake.set()
-        return None
-
-    async def _solve(self, engine: Engine, index: int, max_attempts: int) -> None:
-        item = self._items[index]
-        lost = 0
-        while True:
-            try:
-                outcome = await engine.run(item.request, item.time_limit, _ignore)
-            except WorkerLostError:
-                lost += 1
-                if lost < max_attempts:
-                    continue
-                detail = f"The worker process died in each of {lost} attempts."
-                error = json.dumps(describe(UnavailableError(detail)))
-                outcome = Outcome(JobStatus.FAILED, error=error)
-            except EngineLostError:
-                await asyncio.sleep(_RETRY)
-                continue
-            break
-        for same in self._same.pop(item.digest):
-            self._settle(same, _content(outcome))
-
-    def _settle(self, index: int, content: str) -> None:
-        """Write what is complete up to here, in order."""
-        self._lines[index] = content
-        while self._written in self._lines:
-            content = self._lines.pop(self._written)
-            self._write(self._written, self._items[self._written], content)
-            self._written += 1
+def _same_file(requests: Path, results: Path) -> bool:
+    """Whether both are one file, by whatever path, link or spelling."""
+    if str(requests) == "-":
+        return False
+    if requests.exists() and results.exists():
+        return requests.samefile(results)
+    return requests.resolve() == results.resolve()
 
 
-def _item(line: bytes) -> Item:
-    try:
-        request = parse_tuning_request(line)
-    except RequestError as error:
-        return Item(_digest(line), "", 0.0, json.dumps(describe(error)))
-    text = canonical(request)
-    return Item(_digest(text.encode()), text, request.search.time_limit)
-
-
-def _digest(content: bytes) -> str:
-    return hashlib.sha256(content).hexdigest()[:16]
-
-
-def _content(outcome: Outcome) -> str:
-    if outcome.result is not None:
-        return f'"result": {outcome.result}'
-    if outcome.error is not None:
-        return f'"error": {outcome.error}'
-    detail = "The tuning was stopped from outside."
-    return f'"error": {json.dumps(describe(UnavailableError(detail)))}'
-
-
-def _kind(entry: Mapping[str, Mapping[str, str]]) -> str:
-    return "error" if "error" in entry else entry["result"]["status"]
-
-
-def _ignore(_fraction: float, _best: float | None) -> None:
-    """Take no notice of a single item's progress."""
-
-
-def _writer(
-    output: BinaryIO, kinds: Counter[str], advance: Callable[[], None]
-) -> Callable[[int, Item, str], None]:
-    def write(index: int, item: Item, content: str) -> None:
-        line = f'{{"index": {index}, "digest": "{item.digest}", {content}}}\n'
-        output.write(line.encode())
-        output.flush()  # what is written survives this process
-        kinds[_kind(json.loads(line))] += 1
-        advance()
-
-    return write
+def _name_faults(path: Path, items: Sequence[Item]) -> int:
+    """Say which lines are at fault; return how many."""
+    faulty = [item for item in items if item.faults]
+    for item in faulty:
+        for fault in item.faults:
+            where = f" {fault.pointer}:" if fault.pointer else ""
+            say(f"{path}:{item.line}:{where} {fault.detail}")
+    return len(faulty)
 
 
 @contextmanager
-def _bar(start: int, total: int) -> Iterator[Callable[[], None]]:
-    columns = (TextColumn("Batch"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+def _stops_in_good_order() -> Iterator[None]:
+    """Let SIGTERM stop the run as Ctrl-C does."""
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+@contextmanager
+def _progress(start: int, total: int) -> Iterator[Callable[[bool], None]]:
+    """Show what is done: a bar on a terminal, a line from time to time elsewhere."""
     console = Console(stderr=True)
-    with Progress(
-        *columns, console=console, transient=True, disable=not console.is_terminal
-    ) as bar:
+    if not console.is_terminal:
+        yield _Lines(start, total).advance
+        return
+    columns = (TextColumn("Batch"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console, transient=True) as bar:
         task = bar.add_task("", total=total, completed=start)
-        yield lambda: bar.advance(task)
+
+        def advance(_is_error: bool) -> None:  # noqa: FBT001 - a callback
+            bar.advance(task)
+
+        yield advance
+
+
+class _Lines:
+    """Progress as lines of text: count, errors, rate, time left."""
+
+    def __init__(self, start: int, total: int) -> None:
+        self._start = self._done = start
+        self._total = total
+        self._errors = 0
+        self._began = self._said = time.monotonic()
+
+    def advance(self, is_error: bool) -> None:  # noqa: FBT001 - a callback
+        """Count one more."""
+        self._done += 1
+        self._errors += is_error
+        now = time.monotonic()
+        if now - self._said < _EVERY or self._done == self._total:
+            return
+        self._said = now
+        rate = (self._done - self._start) / (now - self._began)
+        left = (self._total - self._done) / rate
+        say(
+            f"{self._done} of {self._total} done, {self._errors} errors, "
+            f"{rate:.3g} a second, {_duration(left)} left"
+        )
+
+
+def _duration(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    if hours:
+        return f"{hours} h {minutes} min"
+    return f"{minutes} min" if minutes > 1 else f"{60 * minutes + rest} s"

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from service import registry
+from service.batch.formats import Form, Rows, TableFormat
 from service.cli.arguments import AsJson, Input, Scheduler
 
 __all__ = ["app", "main"]
@@ -94,12 +95,40 @@ def batch(
         ),
     ] = None,
     scheduler: Scheduler = None,
+    format_: Annotated[
+        TableFormat, typer.Option("--format", help="Lines of JSON, or a table.")
+    ] = TableFormat.NDJSON,
+    each: Annotated[
+        Rows, typer.Option("--rows", help="What a row of a table stands for.")
+    ] = Rows.REQUEST,
+    form: Annotated[Form, typer.Option(help="Form of the settings in a table.")] = Form.CASCADE,
+    curves: Annotated[
+        bool,
+        typer.Option("--curves/--no-curves", help="Keep the curves, most of a result's size."),
+    ] = True,
+    check: Annotated[
+        bool, typer.Option("--check", help="Check the requests and compute nothing.")
+    ] = False,
 ) -> None:
     """Tune many requests, on all cores or more."""
+    if check:
+        from service.cli.batch import check_file  # noqa: PLC0415 - heavy
+
+        raise typer.Exit(check_file(requests))
     _begin_processes()
     from service.cli.batch import batch_file  # noqa: PLC0415 - heavy
 
-    raise typer.Exit(batch_file(requests, results=results, scheduler=scheduler))
+    raise typer.Exit(
+        batch_file(
+            requests,
+            results=results,
+            scheduler=scheduler,
+            format_=format_,
+            each=each,
+            form=form,
+            curves=curves,
+        )
+    )
 
 
 def _add_analysis(module: str) -> None:

@@ -26,6 +26,7 @@ class ExitCode(IntEnum):
     BAD_INPUT = 2
     INFEASIBLE = 3
     TIME_LIMIT = 4
+    CANNOT_START = 5
     INTERRUPTED = 130
 
 

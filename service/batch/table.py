@@ -1,0 +1,207 @@
+"""Results of a batch as a table: a row a request or a row a loop, for spreadsheets and data frames.
+
+The columns are the fields of the requests that differ from line to line, what was found, and what
+went wrong. Times are in the unit of the requests, indices count from 1 as the lines of a file do.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import IO, Any
+
+from service.batch.formats import Form, Rows, TableFormat
+from service.batch.request_lines import Item
+from service.schemas import Fault, RequestError
+from solver.model.controllers import Controller
+from solver.model.errors import InvalidInputError
+
+__all__ = ["rows", "writer"]
+
+_GENERAL = ("title", "id", "labels")  # said of a request whether or not they differ
+
+
+_CONVERSIONS: dict[Form, Callable[[Controller], object]] = {
+    Form.CASCADE: lambda controller: controller,
+    Form.IDEAL: Controller.to_ideal,
+    Form.PARALLEL: Controller.to_parallel,
+}
+_SETTINGS = {
+    Form.CASCADE: ("gain", "integral_time", "derivative_time", "filter_time"),
+    Form.IDEAL: ("gain", "integral_time", "derivative_time", "filter_time"),
+    Form.PARALLEL: ("proportional_gain", "integral_gain", "derivative_gain", "filter_time"),
+}
+
+
+def rows(
+    items: Sequence[Item],
+    entries: Iterable[Mapping[str, Any]],
+    *,
+    each: Rows = Rows.REQUEST,
+    form: Form = Form.CASCADE,
+) -> Iterator[dict[str, Any]]:
+    """Yield the rows of the table; all have the same columns.
+
+    Parameters
+    ----------
+    items : sequence of Item
+        The requests.
+    entries : iterable of mapping
+        Results in the order of the requests, as the lines of a file of results.
+    each : Rows
+        What a row stands for.
+    form : Form
+        Form of the settings.
+
+    """
+    fields = [_flat(item.fields) for item in items]
+    varied = _varied(fields)
+    for entry in entries:
+        index = entry["index"]
+        start: dict[str, Any] = {"line": items[index].line, "digest": entry["digest"]}
+        start |= {name: fields[index].get(name) for name in varied}
+        result = entry.get("result") or {}
+        start |= _found(result, entry.get("error"))
+        loops = result.get("loops") or []
+        if each is Rows.LOOP:
+            for number, loop in enumerate(loops, 1):
+                yield start | {"loop": number} | _settings(loop, form)
+            if not loops:
+                yield start | {"loop": None} | dict.fromkeys(_SETTINGS[form])
+            continue
+        for number, group in enumerate(result.get("groups") or [], 1):
+            settings = _settings(loops[group[0]], form)
+            units = {f"setting_{number}.units": " ".join(str(unit + 1) for unit in group)}
+            start |= units | {f"setting_{number}.{name}": v for name, v in settings.items()}
+        yield start
+
+
+def writer(
+    format_: TableFormat, items: Sequence[Item], *, each: Rows, form: Form
+) -> Callable[[IO[bytes], Iterator[dict[str, Any]]], None]:
+    """Return what writes results as a table to a file.
+
+    Raises
+    ------
+    RequestError
+        What it needs is not installed.
+
+    """
+    if format_ is TableFormat.PARQUET:
+        _require_pyarrow()
+
+    def write(file: IO[bytes], entries: Iterator[dict[str, Any]]) -> None:
+        table = list(rows(items, entries, each=each, form=form))
+        columns = list(dict.fromkeys(name for row in table for name in row))
+        if format_ is TableFormat.PARQUET:
+            _write_parquet(file, table, columns)
+        else:
+            _write_csv(file, table, columns)
+
+    return write
+
+
+def _found(result: Mapping[str, Any], error: Mapping[str, Any] | None) -> dict[str, Any]:
+    peaks = result.get("peaks") or {}
+    guarantee = result.get("guarantee") or {}
+    search = result.get("search") or {}
+    found: dict[str, Any] = {
+        "status": result.get("status") or "error",
+        "tau_p": result.get("tau_p"),
+        "demand_met": result.get("demand_met"),
+    }
+    for name in ("robust_performance", "robust_stability", "nominal_performance"):
+        found[f"mu.{name}"] = (peaks.get(name) or {}).get("value")
+    found |= {
+        "guarantee": guarantee.get("status"),
+        "guarantee_level": guarantee.get("level"),
+        "seconds": search.get("elapsed_seconds"),
+        "reason": result.get("reason"),
+        "warnings": "; ".join(result.get("warnings") or []) or None,
+        "error": None if error is None else _fault(error),
+    }
+    return found
+
+
+def _fault(error: Mapping[str, Any]) -> str:
+    faults = [f"{each['pointer']}: {each['detail']}" for each in error.get("errors") or ()]
+    return "; ".join(faults) or str(error.get("detail") or error.get("title"))
+
+
+def _settings(loop: Mapping[str, float | None], form: Form) -> dict[str, float | None]:
+    """Return the settings of a loop in a form; empty where it has no such form."""
+    controller = Controller(
+        float(loop["gain"] or 0.0),
+        loop["integral_time"],
+        loop.get("derivative_time"),
+        loop.get("filter_time"),
+    )
+    try:
+        converted: object = _CONVERSIONS[form](controller)
+    except InvalidInputError:
+        converted = None
+    return {name: getattr(converted, name, None) for name in _SETTINGS[form]}
+
+
+def _flat(value: object, name: str = "") -> dict[str, Any]:
+    """Return the leaves of a JSON value by their dotted names."""
+    if isinstance(value, dict):
+        parts = ((f"{name}.{key}" if name else key, each) for key, each in value.items())
+    elif isinstance(value, list):
+        parts = ((f"{name}.{index + 1}", each) for index, each in enumerate(value))
+    else:
+        return {name: value}
+    return {key: leaf for part, each in parts for key, leaf in _flat(each, part).items()}
+
+
+def _varied(fields: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return the names of the fields that differ, in the order of their first appearance."""
+    names = dict.fromkeys(name for each in fields for name in each)
+    return [
+        name
+        for name in names
+        if (name.split(".")[0] in _GENERAL and any(each.get(name) for each in fields))
+        or len({str(each.get(name)) for each in fields if each}) > 1
+    ]
+
+
+def _write_csv(file: IO[bytes], table: list[dict[str, Any]], columns: Sequence[str]) -> None:
+    text = io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=True)
+    sheet = csv.DictWriter(text, columns)
+    sheet.writeheader()
+    sheet.writerows({name: _cell(value) for name, value in row.items()} for row in table)
+    text.detach()
+
+
+def _cell(value: object) -> object:
+    """Return a value as a spreadsheet takes it: text that begins like a formula stays text."""
+    if isinstance(value, str) and value.startswith(("=", "+", "-", "@", "\t")):
+        return f"'{value}"
+    return value
+
+
+def _write_parquet(file: IO[bytes], table: list[dict[str, Any]], columns: Sequence[str]) -> None:
+    import pyarrow as pa  # noqa: PLC0415 - an extra
+    import pyarrow.parquet as pq  # noqa: PLC0415
+
+    arrays = {name: _column([row.get(name) for row in table]) for name in columns}
+    pq.write_table(pa.table(arrays), file)
+
+
+def _column(values: list[Any]) -> list[Any]:
+    """Return the values of a column as one type: numbers where all are, else text."""
+    kinds = {type(value) for value in values if value is not None}
+    if len(kinds) > 1:
+        if kinds <= {int, float}:
+            return [None if value is None else float(value) for value in values]
+        return [None if value is None else str(value) for value in values]
+    return values
+
+
+def _require_pyarrow() -> None:
+    try:
+        import pyarrow as pa  # noqa: F401, PLC0415
+    except ImportError:
+        message = 'Parquet needs pyarrow: pip install "mutune[parquet]"'
+        raise RequestError((Fault("", message),)) from None
