@@ -43,6 +43,8 @@ class Item:
         What is wrong with the line.
     error : str or None
         The same as the JSON text of a problem.
+    fields : dict
+        The request as JSON values.
 
     """
 
@@ -83,7 +85,8 @@ def _item(number: int, line: bytes) -> Item:
         request = _parsed(line)
     except RequestError as error:
         problem = json.dumps(describe(error))
-        return Item(number, _digest(line), faults=error.faults, error=problem)
+        fields = _fields(line)
+        return Item(number, _digest(line), faults=error.faults, error=problem, fields=fields)
     text = canonical(request)
     return Item(
         number, _digest(text.encode()), text, request.search.time_limit, fields=json.loads(text)
@@ -95,6 +98,15 @@ def _parsed(line: bytes) -> TuningRequest:
         message = "a line holds a request and nothing else; JSON knows no comments"
         raise RequestError((Fault("", message),), is_json=False)
     return parse_tuning_request(line)
+
+
+def _fields(line: bytes) -> dict[str, Any]:
+    """Return what a faulty request holds, as far as it is an object at all."""
+    try:
+        value = json.loads(line)
+    except ValueError:
+        return {}
+    return value if isinstance(value, dict) else {}
 
 
 def _digest(content: bytes) -> str:

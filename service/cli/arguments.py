@@ -7,7 +7,9 @@ from typing import Annotated
 
 import typer
 
-__all__ = ["AsJson", "Input", "Scheduler"]
+from service.batch.formats import Form, Rows, TableFormat
+
+__all__ = ["AsJson", "FormOption", "Input", "RowsOption", "Scheduler", "TableFormatOption"]
 
 Input = Annotated[
     Path,
@@ -22,3 +24,8 @@ Scheduler = Annotated[
         envvar="MUTUNE_SCHEDULER", metavar="tcp://...", help="Dask scheduler to work with."
     ),
 ]
+TableFormatOption = Annotated[
+    TableFormat, typer.Option("--format", help="Lines of JSON, or a table.")
+]
+RowsOption = Annotated[Rows, typer.Option("--rows", help="What a row of a table stands for.")]
+FormOption = Annotated[Form, typer.Option(help="Form of the settings in a table.")]

@@ -18,11 +18,12 @@ from service.batch.formats import Form, Rows, TableFormat
 from service.batch.request_lines import Item, read_items
 from service.batch.results_file import opened
 from service.batch.runner import NoWorkersError, Run
+from service.batch.sweep import Variation, expand
 from service.batch.table import writer
 from service.cli.outcomes import ExitCode, read_input, reported, say
 from service.schemas import Fault, RequestError
 
-__all__ = ["batch_file", "check_file", "run_items"]
+__all__ = ["batch_file", "check_file", "sweep_file"]
 
 _EVERY = 10.0  # seconds between lines of progress where there is no terminal
 
@@ -71,7 +72,7 @@ def batch_file(
     items = read_items(read_input(requests))
     if results is not None:
         _name_faults(requests, items)
-    return run_items(
+    return _run_items(
         items,
         results=results,
         scheduler=scheduler,
@@ -79,6 +80,48 @@ def batch_file(
         each=each,
         form=form,
         curves=curves,
+    )
+
+
+@reported
+def sweep_file(
+    request: Path,
+    vary: list[str],
+    *,
+    results: Path | None,
+    scheduler: str | None,
+    format_: TableFormat = TableFormat.CSV,
+    each: Rows = Rows.REQUEST,
+    form: Form = Form.CASCADE,
+) -> ExitCode:
+    """Tune the request in a file with some of its fields varied.
+
+    Parameters
+    ----------
+    request : Path
+        Request file, or ``-`` for standard input.
+    vary : list of str
+        Fields and values, as ``plant.interaction=0.5:0.99:50``.
+    results, scheduler, format_, each, form
+        As for `batch_file`.
+
+    Returns
+    -------
+    ExitCode
+        BAD_INPUT where any point ended with an error, else DONE.
+
+    """
+    if results is not None and _same_file(request, results):
+        message = f"{results} is the file of the request; name another file for the results"
+        raise RequestError((Fault("", message),))
+    return _run_items(
+        expand(read_input(request), [Variation.of(text) for text in vary]),
+        results=results,
+        scheduler=scheduler,
+        format_=format_,
+        each=each,
+        form=form,
+        curves=False,
     )
 
 
@@ -104,7 +147,7 @@ def check_file(requests: Path) -> ExitCode:
     return ExitCode.BAD_INPUT if faulty else ExitCode.DONE
 
 
-def run_items(
+def _run_items(
     items: list[Item],
     *,
     results: Path | None,

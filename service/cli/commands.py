@@ -10,7 +10,14 @@ import typer
 
 from service import registry
 from service.batch.formats import Form, Rows, TableFormat
-from service.cli.arguments import AsJson, Input, Scheduler
+from service.cli.arguments import (
+    AsJson,
+    FormOption,
+    Input,
+    RowsOption,
+    Scheduler,
+    TableFormatOption,
+)
 
 __all__ = ["app", "main"]
 
@@ -95,13 +102,9 @@ def batch(
         ),
     ] = None,
     scheduler: Scheduler = None,
-    format_: Annotated[
-        TableFormat, typer.Option("--format", help="Lines of JSON, or a table.")
-    ] = TableFormat.NDJSON,
-    each: Annotated[
-        Rows, typer.Option("--rows", help="What a row of a table stands for.")
-    ] = Rows.REQUEST,
-    form: Annotated[Form, typer.Option(help="Form of the settings in a table.")] = Form.CASCADE,
+    format_: TableFormatOption = TableFormat.NDJSON,
+    each: RowsOption = Rows.REQUEST,
+    form: FormOption = Form.CASCADE,
     curves: Annotated[
         bool,
         typer.Option("--curves/--no-curves", help="Keep the curves, most of a result's size."),
@@ -127,6 +130,42 @@ def batch(
             each=each,
             form=form,
             curves=curves,
+        )
+    )
+
+
+@app.command()
+def sweep(
+    request: Input,
+    *,
+    vary: Annotated[
+        list[str],
+        typer.Option(
+            metavar="NAME=FIRST:LAST:COUNT[:log] | NAME=VALUE,...", help="May be repeated."
+        ),
+    ],
+    results: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="FILE", help="Where to write. Default: stdout."),
+    ] = None,
+    scheduler: Scheduler = None,
+    format_: TableFormatOption = TableFormat.CSV,
+    each: RowsOption = Rows.REQUEST,
+    form: FormOption = Form.CASCADE,
+) -> None:
+    """Tune a request with some of its fields varied, on a grid."""
+    _begin_processes()
+    from service.cli.batch import sweep_file  # noqa: PLC0415 - heavy
+
+    raise typer.Exit(
+        sweep_file(
+            request,
+            vary,
+            results=results,
+            scheduler=scheduler,
+            format_=format_,
+            each=each,
+            form=form,
         )
     )
 
