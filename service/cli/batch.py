@@ -207,7 +207,7 @@ def _name_faults(path: Path, items: Sequence[Item]) -> int:
 @contextmanager
 def _stops_in_good_order() -> Iterator[None]:
     """Let SIGTERM stop the run as Ctrl-C does."""
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    before = signal.signal(signal.SIGTERM, lambda *_: signal.raise_signal(signal.SIGINT))
     try:
         yield
     finally:
