@@ -21,6 +21,7 @@ FLOORS = (
     "robustness",
     "simulation",
     "relay",
+    "identification",
     "optimality",
     "tuning",
     "warm",

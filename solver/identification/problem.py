@@ -1,0 +1,196 @@
+"""From records to rows: which outputs share their elements, and how each record starts."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from solver.identification.elements import ElementKind
+from solver.identification.fitting import Limits, fit
+from solver.identification.row import Row, Segment
+from solver.identification.start import scan
+from solver.model.errors import InvalidInputError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from solver.identification.record import Record
+
+__all__ = [
+    "Start",
+    "Structure",
+    "check_excitation",
+    "limits",
+    "matrix_rows",
+    "parallel_row",
+    "starts",
+]
+
+# Two inputs whose moves agree to this part of their size cannot be told apart by any fit.
+TOGETHER = 1e-6
+
+
+class Structure(StrEnum):
+    """Which elements are the same."""
+
+    PARALLEL = "parallel"
+    MATRIX = "matrix"
+
+
+class Start(StrEnum):
+    """What the inputs did before the record began."""
+
+    HELD = "held"
+    """They had their first values for long: the plant rests."""
+    FROM_ZERO = "from zero"
+    """They were zero for long; the record begins with a step to their first values."""
+
+
+def limits(records: Sequence[Record]) -> Limits:
+    """Return what the records can tell of times.
+
+    A lag longer than half of the longest record shows as a slope alone, one shorter than a quarter
+    of a sample not at all; a dead time above a tenth of the record cannot be told from a lag by
+    the few moves that come early enough.
+    """
+    span = max(record.span for record in records)
+    sample = min(record.sampling_period for record in records)
+    return Limits(sample / 4, span / 2, span / 10, sample)
+
+
+def check_excitation(records: Sequence[Record]) -> None:
+    """Refuse inputs that rest, or that move together only.
+
+    Raises
+    ------
+    InvalidInputError
+        With the advice which input to move.
+
+    """
+    names = tuple(records[0].inputs)
+    moves = []
+    for name in names:
+        parts = []
+        for record in records:
+            values = record.inputs[name]
+            parts.append(values - values.mean())
+        moves.append(np.concatenate(parts))
+    for name, values in zip(names, moves, strict=True):
+        largest = max(float(np.max(np.abs(r.inputs[name]))) for r in records)
+        if not np.max(np.abs(values)) > 1e-9 * largest:
+            message = (
+                f"input {name!r} is constant in every record, so its effect cannot be seen: "
+                "add a record in which it is moved, or leave it out of the inputs"
+            )
+            raise InvalidInputError(message, f"/records/0/inputs/{name}")
+    unit = np.stack([values / np.linalg.norm(values) for values in moves], axis=1)
+    _, s, vt = np.linalg.svd(unit, full_matrices=False)
+    if s[-1] < TOGETHER * s[0]:
+        involved = [name for name, share in zip(names, vt[-1], strict=True) if abs(share) > 0.1]
+        message = (
+            f"the inputs {', '.join(involved)} always move together, so their effects cannot be "
+            "told apart: add a record in which one of them moves alone"
+        )
+        raise InvalidInputError(message, f"/records/0/inputs/{involved[0]}")
+    for index, record in enumerate(records):
+        for name, values in record.outputs.items():
+            seen = record.observed[tuple(record.outputs).index(name)]
+            if not np.ptp(values[seen]) > 0:
+                message = f"output {name!r} is constant in {record.name}: is the right column read?"
+                raise InvalidInputError(message, f"/records/{index}/outputs/{name}")
+
+
+def matrix_rows(records: Sequence[Record], begins: Sequence[Start]) -> list[Row]:
+    """Return a row for each output, every input with an element of its own."""
+    rows = []
+    for output in range(len(records[0].outputs)):
+        segments = []
+        for index, (record, begin) in enumerate(zip(records, begins, strict=True)):
+            inputs = list(record.inputs.values())
+            segments.append(_segment(record, begin, inputs, output, index))
+        rows.append(Row(tuple(segments)))
+    return rows
+
+
+def parallel_row(
+    records: Sequence[Record], begins: Sequence[Start], units: Sequence[int] | None = None
+) -> Row:
+    """Return one row for g and i: each unit's own input, and the sum of the others'.
+
+    Parameters
+    ----------
+    records, begins
+        The data and how each begins.
+    units : sequence of int or None
+        The outputs used; None: all.
+
+    """
+    count = len(records[0].outputs)
+    segments = []
+    for index, (record, begin) in enumerate(zip(records, begins, strict=True)):
+        inputs = np.array(list(record.inputs.values()))
+        total = inputs.sum(axis=0)
+        for unit in range(count) if units is None else units:
+            pair = [inputs[unit]] if count == 1 else [inputs[unit], total - inputs[unit]]
+            segments.append(_segment(record, begin, pair, unit, index))
+    return Row(tuple(segments))
+
+
+def starts(records: Sequence[Record]) -> list[Start]:
+    """Return how each record begins: held, or from zero where that explains it better.
+
+    Neither has a parameter more than the other; first-order elements are enough to tell a plant
+    that rests from one that has just been switched on.
+    """
+    found = []
+    for record in records:
+        if not any(values[0] for values in record.inputs.values()):
+            found.append(Start.HELD)
+            continue
+        bounds = limits([record])
+        costs = []
+        for begin in Start:
+            cost = 0.0
+            for row in matrix_rows([record], [begin]):
+                thin = thinned(row, 1000)
+                kinds = [ElementKind.FIRST] * row.inputs
+                solved = fit(thin, kinds, scan(thin, bounds).shapes, bounds)
+                cost += float(np.log(max(solved.cost, 1e-300)))
+            costs.append(cost)
+        found.append(list(Start)[int(np.argmin(costs))])
+    return found
+
+
+def thinned(row: Row, readings: int) -> Row:
+    """Return the row with about as many readings, evenly spread."""
+    step = max(row.readings // readings, 1)
+    return Row(tuple(segment.thinned(step) for segment in row.segments), row.nuisance)
+
+
+def _segment(
+    record: Record, begin: Start, inputs: Sequence[NDArray[np.float64]], output: int, index: int
+) -> Segment:
+    time = record.time - record.time[0]
+    seen = record.observed[output]
+    values = list(record.outputs.values())[output]
+    return Segment(
+        time[seen].copy(),
+        values[seen].copy(),
+        tuple(_changes(time, moved, begin) for moved in inputs),
+        np.ones(int(np.count_nonzero(seen))),
+        record=index,
+        unit=output,
+    )
+
+
+def _changes(
+    time: NDArray[np.float64], values: NDArray[np.float64], begin: Start
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return when an input changes and its deviation from the value before the record."""
+    before = values[0] if begin is Start.HELD else 0.0
+    moved = np.flatnonzero(np.diff(np.concatenate(([before], values))))
+    return time[moved].copy(), values[moved] - before

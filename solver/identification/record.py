@@ -1,0 +1,222 @@
+"""Plant records: what the inputs did and what the outputs did then, sample by sample."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from solver.model.errors import InvalidInputError
+from solver.model.transfer_function import LARGEST
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["MAX_SAMPLES", "MAX_SIGNALS", "Record", "same_signals"]
+
+MAX_SAMPLES = 1_000_000
+MAX_SIGNALS = 300  # inputs or outputs of one record
+LEAST_SAMPLES = 20  # below, two elements have as many unknowns as there are readings
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """One stretch of plant data.
+
+    An input is held at its value from its sample to the next one. The samples need not be
+    equidistant.
+
+    Parameters
+    ----------
+    time : (k,) array_like
+        Increasing, in any one unit.
+    inputs, outputs : mapping of str to (k,) array_like
+        Signals by name, in the order of the plant's columns and rows.
+    name : str
+        What messages call the record.
+
+    Raises
+    ------
+    InvalidInputError
+        A value that is no finite number, a length that differs, time standing still or going
+        backwards, a name used twice, too few samples or too many of anything.
+
+    """
+
+    time: NDArray[np.float64]
+    inputs: Mapping[str, NDArray[np.float64]]
+    outputs: Mapping[str, NDArray[np.float64]]
+    name: str
+    observed: NDArray[np.bool_]
+
+    def __init__(
+        self,
+        time: ArrayLike,
+        inputs: Mapping[str, ArrayLike],
+        outputs: Mapping[str, ArrayLike],
+        name: str = "record",
+    ) -> None:
+        self._fill(time, inputs, outputs, name, gaps=False)
+
+    @classmethod
+    def with_gaps(
+        cls,
+        time: ArrayLike,
+        inputs: Mapping[str, ArrayLike],
+        outputs: Mapping[str, ArrayLike],
+        name: str = "record",
+    ) -> Record:
+        """Return a record in which NaN stands for "no reading".
+
+        An input without a reading is held at the one before; an output without one is left out
+        of the fit at that sample. So signals sampled at unlike times go into one record.
+
+        Raises
+        ------
+        InvalidInputError
+            As for the class; an input without its first reading.
+
+        """
+        record = object.__new__(cls)
+        record._fill(time, inputs, outputs, name, gaps=True)
+        return record
+
+    @property
+    def span(self) -> float:
+        """Time from the first sample to the last."""
+        return float(self.time[-1] - self.time[0])
+
+    @property
+    def sampling_period(self) -> float:
+        """Median distance of the samples."""
+        return float(np.median(np.diff(self.time)))
+
+    def _fill(
+        self,
+        time: ArrayLike,
+        inputs: Mapping[str, ArrayLike],
+        outputs: Mapping[str, ArrayLike],
+        name: str,
+        *,
+        gaps: bool,
+    ) -> None:
+        times = _time(time)
+        for kind, signals in (("inputs", inputs), ("outputs", outputs)):
+            if not 1 <= len(signals) <= MAX_SIGNALS:
+                message = f"a record has 1..{MAX_SIGNALS} {kind}"
+                raise InvalidInputError(message, f"/{kind}")
+        for twice in inputs.keys() & outputs.keys():
+            message = f"{twice!r} is an input and an output"
+            raise InvalidInputError(message, f"/outputs/{twice}")
+        moved = {
+            key: _held(values, f"/inputs/{key}") if gaps else values
+            for key, values in (
+                (k, _column(v, times.size, "/inputs", k)) for k, v in inputs.items()
+            )
+        }
+        read = {
+            key: _column(values, times.size, "/outputs", key) for key, values in outputs.items()
+        }
+        observed = np.array([~np.isnan(values) if gaps else np.isfinite(values) | True
+                             for values in read.values()])  # fmt: skip
+        for kind, signals in (("inputs", moved), ("outputs", read)):
+            for key, values in signals.items():
+                bad = ~(np.abs(values) <= LARGEST)
+                if gaps and kind == "outputs":
+                    bad &= ~np.isnan(values)
+                _refuse_bad(bad, f"/{kind}/{key}")
+        for key, seen in zip(read, observed, strict=True):
+            if np.count_nonzero(seen) < LEAST_SAMPLES:
+                message = f"{key!r} has fewer than {LEAST_SAMPLES} readings"
+                raise InvalidInputError(message, f"/outputs/{key}")
+        object.__setattr__(self, "time", times)
+        object.__setattr__(self, "inputs", moved)
+        object.__setattr__(self, "outputs", read)
+        object.__setattr__(self, "name", name)
+        object.__setattr__(self, "observed", observed)
+
+
+def same_signals(records: Sequence[Record]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the names of inputs and outputs that all records share.
+
+    Raises
+    ------
+    InvalidInputError
+        No record, or one whose signals differ from the first one's.
+
+    """
+    if not records:
+        message = "at least one record is needed"
+        raise InvalidInputError(message, "/records")
+    first = records[0]
+    for index, record in enumerate(records):
+        for kind in ("inputs", "outputs"):
+            names, wanted = tuple(getattr(record, kind)), tuple(getattr(first, kind))
+            if names != wanted:
+                message = (
+                    f"{record.name} has the {kind} {', '.join(names)}, "
+                    f"{first.name} has {', '.join(wanted)}: name them alike, in the same order"
+                )
+                raise InvalidInputError(message, f"/records/{index}/{kind}")
+    return tuple(first.inputs), tuple(first.outputs)
+
+
+def _time(time: ArrayLike) -> NDArray[np.float64]:
+    times = _numbers(time, "/time")
+    if times.ndim != 1 or not LEAST_SAMPLES <= times.size <= MAX_SAMPLES:
+        message = f"a record has {LEAST_SAMPLES}..{MAX_SAMPLES} samples"
+        raise InvalidInputError(message, "/time")
+    _refuse_bad(~(np.abs(times) <= LARGEST), "/time")
+    steps = np.diff(times)
+    if not np.all(steps > 0):
+        index = int(np.argmax(~(steps > 0))) + 1
+        how = "stands still" if steps[index - 1] == 0 else "goes backwards"
+        message = (
+            f"time {how} at sample {index} ({times[index]:g} after {times[index - 1]:g}): "
+            "sort the samples, and cut the record where a clock was set or data were joined"
+        )
+        raise InvalidInputError(message, f"/time/{index}")
+    # Shifted before it is used: the distances must survive the subtraction.
+    if steps.min() < 1e-12 * max(abs(times[0]), abs(times[-1])):
+        message = "the samples are too close together for their times; count time from the start"
+        raise InvalidInputError(message, "/time")
+    return times
+
+
+def _numbers(values: ArrayLike, field: str) -> NDArray[np.float64]:
+    try:
+        return np.array(values, dtype=float)
+    except (TypeError, ValueError) as error:
+        message = "must be a list of numbers"
+        raise InvalidInputError(message, field) from error
+
+
+def _column(values: ArrayLike, size: int, kind: str, key: str) -> NDArray[np.float64]:
+    column = _numbers(values, f"{kind}/{key}")
+    if column.shape != (size,):
+        message = f"{key!r} has {column.size} values, time has {size}"
+        raise InvalidInputError(message, f"{kind}/{key}")
+    return column
+
+
+def _held(values: NDArray[np.float64], field: str) -> NDArray[np.float64]:
+    """Fill each gap with the reading before it."""
+    known = ~np.isnan(values)
+    if not known[0]:
+        message = "the first reading of an input is missing: start the record where it is known"
+        raise InvalidInputError(message, f"{field}/0")
+    last = np.maximum.accumulate(np.where(known, np.arange(values.size), 0))
+    return np.asarray(values[last])
+
+
+def _refuse_bad(bad: NDArray[np.bool_], field: str) -> None:
+    if np.any(bad):
+        index = int(np.argmax(bad))
+        message = (
+            f"no finite number up to {LARGEST:g}: leave the sample out of every signal, or give "
+            "the record as one with gaps"
+        )
+        raise InvalidInputError(message, f"{field}/{index}")

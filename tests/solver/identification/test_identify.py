@@ -1,0 +1,209 @@
+"""Plants drawn at random are found again, with errors as large as stated."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from drawn import Lag, lag, moves, record, respond
+
+from solver.identification import Allowed, ElementKind, Record, Start, Structure, identify
+from solver.identification.problem import limits, matrix_rows, starts
+from solver.identification.row_fit import fit_row
+from solver.model.errors import UnsupportedPlantError
+from solver.model.plants import ParallelPlant
+
+EXAMPLES = Path(__file__).parents[3] / "examples"
+
+
+def heaters(name):
+    """Return a record of the two-heater kit."""
+    table = np.loadtxt(EXAMPLES / f"two_heaters_{name}.csv", delimiter=",", skiprows=1)
+    signals = dict(zip(("H1", "H2", "T1", "T2"), table[:, 1:].T, strict=True))
+    inputs = {key: signals[key] for key in ("H1", "H2")}
+    return Record(table[:, 0], inputs, {key: signals[key] for key in ("T1", "T2")}, name)
+
+
+def fitted(one, order=None):
+    """Return the first row's fit."""
+    row = matrix_rows([one], starts([one]))[0]
+    return fit_row(row, Allowed(order), limits([one]))
+
+
+@pytest.mark.parametrize("second", [False, True])
+def test_intervals_hold_the_truth(second):
+    """95 of 100 parameters of two elements lie in their own intervals, or more."""
+    hits = total = 0
+    for seed in range(40):
+        generator = np.random.default_rng(seed)
+        truth = [lag(generator, second=second) for _ in range(2)]
+        fit = fitted(record([truth], generator), 2 if second else 1)
+        shapes = []
+        for e in truth:
+            b = e.first + e.second
+            ratio = [4 * e.first * e.second / b**2] if second else []
+            shapes += [np.log(b), *ratio, e.dead_time]
+        wanted = np.array([*shapes, *(e.gain for e in truth)])
+        errors = np.sqrt(np.diag(fit.covariance.matrix)) * fit.covariance.quantile
+        hits += int(np.count_nonzero(np.abs(fit.parameters - wanted) <= errors))
+        total += wanted.size
+    assert hits >= 0.95 * total
+
+
+def test_noiseless_record_gives_the_plant_itself():
+    """Nothing but rounding stands between record and plant."""
+    generator = np.random.default_rng(7)
+    truth = [[Lag(2, 20, 0, 3.3), Lag(-1, 35, 12, 7.1)], [Lag(0.7, 50, 0, 5), Lag(1.5, 15, 4, 0.5)]]
+    found = identify([record(truth, generator, noise=0.0)])
+    omega = np.geomspace(1e-3, 1, 50)
+    G = found.plant.response(omega)
+    for i, row in enumerate(truth):
+        for j, e in enumerate(row):
+            s = 1j * omega
+            exact = e.gain * np.exp(-e.dead_time * s) / ((e.first * s + 1) * (e.second * s + 1))
+            assert G[:, i, j] == pytest.approx(exact, rel=2e-3)
+
+
+def test_units_change_nothing():
+    """Time in other units, inputs and outputs in others: the same plant in those."""
+    one = heaters("steps")
+    other = Record(
+        60e3 * one.time - 5e6,
+        {"H1": 1e-5 * one.inputs["H1"], "H2": 1e4 * one.inputs["H2"]},
+        {"T1": 1e6 * one.outputs["T1"] + 3, "T2": 1e-4 * one.outputs["T2"]},
+    )
+    first, second = identify([one]), identify([other])
+    omega = np.geomspace(1e-3, 0.1, 9)
+    scale = np.array([[1e6 / 1e-5, 1e6 / 1e4], [1e-4 / 1e-5, 1e-4 / 1e4]])
+    G = first.plant.response(omega)
+    # An element that noise hides is the same as far as its row can tell.
+    close = 0.01 * np.max(np.abs(G), axis=(0, 2))[:, None]
+    assert np.all(np.abs(second.plant.response(omega / 60e3) / scale - G) < close)
+    for a, b in zip(first.predictions, second.predictions, strict=True):
+        assert a.normalised_fit == pytest.approx(b.normalised_fit, abs=0.01)
+
+
+@pytest.mark.parametrize(("used", "other"), [("steps", "random"), ("random", "steps")])
+def test_each_record_of_the_two_heaters_predicts_the_other(used, other):
+    """75 per cent of normalised fit in every output, and no time that the record cannot tell."""
+    one = heaters(used)
+    found = identify([one], validation=[heaters(other)])
+    assert len(found.predictions) == 4
+    assert min(p.normalised_fit for p in found.predictions) > 75
+    assert [p.kept_back for p in found.predictions] == [False, False, True, True]
+    for element in found.elements:
+        assert element.element.lag <= one.span / 2
+        assert element.element.dead_time <= one.span / 10
+    told = [words for element in found.elements for words in element.untold]
+    assert any("gain / time constant" in words for words in told)
+    assert found.begins == (Start.HELD if used == "steps" else Start.FROM_ZERO,)
+
+
+def test_two_heaters_are_not_identical_units():
+    """One heater is stronger than the other, and the record shows it."""
+    found = identify([heaters("steps")], structure=Structure.PARALLEL)
+    assert isinstance(found.plant, ParallelPlant)
+    assert not found.equality.plausible
+    assert any("differ by more than noise" in words for words in found.advice)
+
+
+def parallel_record(seed, gains=(2.0, 2.0), n=2):
+    """Return a record of parallel units with given own gains."""
+    own = [Lag(gain, 20, 0, 3) for gain in gains]
+    other = Lag(0.8, 25, 0, 4)
+    plant = [[own[i] if i == j else other for j in range(n)] for i in range(n)]
+    return record(plant, np.random.default_rng(seed))
+
+
+def test_identical_units_are_held_for_identical():
+    """At 5 per cent a few of 40 records of equal units are held for unequal, and all of unequal."""
+    wrong = sum(
+        not identify(
+            [parallel_record(s)], structure=Structure.PARALLEL, allowed=Allowed(1)
+        ).equality.plausible
+        for s in range(20)
+    )
+    assert wrong <= 4
+    unequal = identify([parallel_record(1, (2.0, 2.2))], structure=Structure.PARALLEL)
+    assert unequal.equality.probability < 1e-3
+
+
+def test_spikes_change_little():
+    """Readings far off their neighbours are left out and counted."""
+    generator = np.random.default_rng(2)
+    clean = record([[Lag(2, 20, 0, 3)]], generator)
+    spiky = clean.outputs["y0"].copy()
+    at = generator.choice(600, 12, replace=False)
+    spiky[at] += generator.choice([-1, 1], 12) * 50.0
+    found = identify([Record(clean.time, clean.inputs, {"y0": spiky})])
+    assert found.predictions[0].spikes == 12
+    gain = found.elements[0].estimates[0]
+    assert gain.low < 2 < gain.high
+    assert gain.high - gain.low < 0.2
+
+
+def test_unknown_start_is_seen_where_the_record_begins_quietly():
+    """An output that moves before any input does has not been at rest."""
+    generator = np.random.default_rng(4)
+    time = np.arange(600.0)
+    u = np.where(time < 40, 0.0, moves(generator, 600))
+    y = (
+        respond(Lag(2, 30, 0, 4), time, u)
+        + 5 * np.exp(-time / 30)
+        + 0.05 * generator.standard_normal(600)
+    )
+    found = identify([Record(time, {"u": u}, {"y": y})])
+    lag_ = found.elements[0].estimates[1]
+    assert lag_.low < 30 < lag_.high
+    assert found.predictions[0].normalised_fit > 90
+
+
+def test_integrators_are_recognised():
+    """A level that rises as long as its valve is open."""
+    generator = np.random.default_rng(5)
+    found = identify([record([[Lag(0.1, np.inf, 0, 6)]], generator, noise=0.05)])
+    assert found.elements[0].element.kind is ElementKind.INTEGRATOR
+    gain = found.elements[0].estimates[0]
+    assert gain.name == "velocity_gain"
+    assert gain.low < 0.1 < gain.high
+
+
+def test_inverse_response_is_recognised():
+    """Two lags against each other."""
+    generator = np.random.default_rng(6)
+    time = np.arange(800.0)
+    u = moves(generator, 800)
+    y = respond(Lag(3, 30, 0, 0), time, u) + respond(Lag(-1.5, 6, 0, 0), time, u)
+    found = identify([Record(time, {"u": u}, {"y": y + 0.02 * generator.standard_normal(800)})])
+    # 3/(30 s + 1) - 1.5/(6 s + 1) has its zero at s = 1.5/27.
+    assert found.plant.elements[0].zeros[0] == pytest.approx(1.5 / 27, rel=0.1)
+
+
+def test_no_effect_is_said_to_be_none():
+    """An input without effect gets no time constants, and an interval for its gain around zero."""
+    generator = np.random.default_rng(8)
+    plant = [[Lag(2, 20, 0, 3), Lag(0, 10, 0, 0)], [Lag(0.5, 30, 0, 2), Lag(1, 12, 0, 1)]]
+    found = identify([record(plant, generator)])
+    silent = found.elements[1]
+    assert [e.name for e in silent.estimates] == ["gain"]
+    assert silent.estimates[0].low < 0 < silent.estimates[0].high
+    assert "no effect of u1 is seen" in silent.untold[0]
+    assert "step of u1" in silent.test
+
+
+def test_gaps_and_other_sampling_are_no_hindrance():
+    """An output that is read at every fifth sample only."""
+    generator = np.random.default_rng(9)
+    clean = record([[Lag(2, 20, 0, 3)]], generator, count=1500)
+    y = np.where(np.arange(1500) % 5, np.nan, clean.outputs["y0"])
+    found = identify([Record.with_gaps(clean.time, clean.inputs, {"y0": y})])
+    for estimate, truth in zip(found.elements[0].estimates, (2, 20, 3), strict=True):
+        assert estimate.low < truth < estimate.high
+
+
+def test_runaway_is_refused():
+    """An unstable plant's record is no record of a plant that these forms describe."""
+    time = np.arange(300.0)
+    u = moves(np.random.default_rng(1), 300)
+    y = np.exp(time / 20) + u
+    with pytest.raises(UnsupportedPlantError, match="runs away"):
+        identify([Record(time, {"u": u}, {"y": y})])
