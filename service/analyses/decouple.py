@@ -3,8 +3,6 @@
 Return a static decoupler, PI settings with the greatest integral gain, and responses.
 """
 
-# ruff: noqa: PLC0415 - what computes and draws is imported in the processes that do
-
 from __future__ import annotations
 
 from typing import Annotated, Any, Literal

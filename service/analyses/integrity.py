@@ -3,8 +3,6 @@
 Return stability and robustness with every set of loops in service, others in manual.
 """
 
-# ruff: noqa: PLC0415 - what computes and draws is imported in the processes that do
-
 from __future__ import annotations
 
 from typing import Any

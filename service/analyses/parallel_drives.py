@@ -3,8 +3,6 @@
 Return the integrator modes that are free, what mends them, and both in simulation.
 """
 
-# ruff: noqa: PLC0415 - what computes and draws is imported in the processes that do
-
 from __future__ import annotations
 
 from typing import Annotated, Any

@@ -3,8 +3,6 @@
 Return stability, the peaks and curves of mu, and a worst case, of given settings.
 """
 
-# ruff: noqa: PLC0415 - what computes and draws is imported in the processes that do
-
 from __future__ import annotations
 
 from collections.abc import Sequence

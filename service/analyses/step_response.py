@@ -3,8 +3,6 @@
 Return how a plant and its loops move after steps, dead time exact.
 """
 
-# ruff: noqa: PLC0415 - what computes and draws is imported in the processes that do
-
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -22,7 +22,7 @@ import numpy as np
 from service.jobs import processes
 from service.problems import AnalysisTimeoutError, NumbersError, UnavailableError
 
-__all__ = ["Pool"]
+__all__ = ["Pool", "to_json"]
 
 logger = logging.getLogger(__name__)
 
@@ -64,7 +64,7 @@ class Pool:
         try:
             async with asyncio.timeout(self._time_limit):
                 process = await self._idle.get()
-                return await process.run(_to_json, compute, args, kwargs)
+                return await process.run(to_json, compute, args, kwargs)
         except TimeoutError:
             message = f"The analysis took more than {self._time_limit:g} s."
             raise AnalysisTimeoutError(message) from None
@@ -115,9 +115,17 @@ def _leave_signals() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
-def _to_json(
+def to_json(
     compute: Callable[..., dict[str, Any]], args: tuple[Any, ...], kwargs: dict[str, Any]
 ) -> bytes:
+    """Return the JSON text of what `compute` returns.
+
+    Raises
+    ------
+    NumbersError
+        Numbers left the range of double precision on the way.
+
+    """
     try:
         document = compute(*args, **kwargs)
     except (ArithmeticError, np.linalg.LinAlgError):

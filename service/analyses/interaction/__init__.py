@@ -3,8 +3,6 @@
 Return relative gains, pairings, integral controllability and zeros of a plant.
 """
 
-# ruff: noqa: PLC0415 - what computes and draws is imported in the processes that do
-
 from __future__ import annotations
 
 from typing import Any

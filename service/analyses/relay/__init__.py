@@ -3,8 +3,6 @@
 Return the oscillation under relay feedback, what it means, and what theory says of it.
 """
 
-# ruff: noqa: PLC0415 - what computes and draws is imported in the processes that do
-
 from __future__ import annotations
 
 from typing import Any

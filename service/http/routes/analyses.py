@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import json
 from typing import Any
 
 from fastapi import APIRouter, Request, Response
@@ -19,6 +18,7 @@ from service.http.routes.common import (
     json_response,
     problems,
 )
+from service.jobs.pool import to_json
 from service.wording import TIME_UNIT
 
 __all__ = ["add_figures", "router"]
@@ -32,8 +32,7 @@ def _add(analysis: Analysis[Any, Any]) -> None:
     async def post(request: Request) -> Response:
         body = await bodies.read(request, analysis.request)
         if analysis.immediate:
-            document = await asyncio.to_thread(analysis.compute, body)
-            return json_response(json.dumps(document, allow_nan=False, separators=(",", ":")))
+            return json_response(await asyncio.to_thread(to_json, analysis.compute, (body,), {}))
         body.build()  # bad input is refused here, not in the process that computes
         return json_response(await request.app.state.pool.run(analysis.compute, body))
 
