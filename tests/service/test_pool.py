@@ -43,7 +43,7 @@ def test_what_hangs_or_dies_is_replaced() -> None:
     """The next computation of the same pool of one has its result, from another process."""
 
     async def run() -> list[dict[str, Any]]:
-        pool = Pool(1, 60.0)
+        pool = Pool(1, 300.0)  # the kernels may have to be compiled first
         hasty = Pool(1, 0.5)
         try:
             found = [json.loads(await pool.run(doubled, 2.0))]
