@@ -6,6 +6,7 @@ RUN python -m venv /opt/mutune
 COPY requirements/run.txt requirements/
 RUN /opt/mutune/bin/pip install --require-hashes -r requirements/run.txt
 COPY pyproject.toml README.md LICENSE ./
+COPY mutune mutune
 COPY solver solver
 COPY service service
 COPY examples examples

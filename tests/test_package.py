@@ -19,7 +19,11 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).parent.parent
-EXTRAS = ("parquet",)  # of those who run it, imported only where they are asked for
+EXTRAS = (
+    "control",
+    "parquet",
+    "plot",
+)  # of those who run it, imported only where they are asked for
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 
 
@@ -43,12 +47,13 @@ def test_wheel_contains_every_file_of_the_packages(tmp_path: Path) -> None:
     shipped = set(ZipFile(wheel).namelist())
     wanted = {
         str(path.relative_to(ROOT))
-        for package in ("solver", "service")
+        for package in ("mutune", "solver", "service")
         for path in (ROOT / package).rglob("*")
         if path.is_file() and "__pycache__" not in path.parts
     }
     wanted |= {f"service/examples/{path.name}" for path in (ROOT / "examples").glob("*.json")}
     assert wanted <= shipped
+    assert {f"{package}/py.typed" for package in ("mutune", "solver", "service")} <= shipped
 
 
 @pytest.mark.parametrize(
@@ -77,13 +82,15 @@ def test_every_import_is_of_a_locked_distribution() -> None:
     optional = {Requirement(text).name for extra in extras for text in extra}
     names = {canonicalize_name(name) for name in optional | {pin.name for pin in locked("run")}}
     distributions = packages_distributions()
-    for path in [*ROOT.glob("solver/**/*.py"), *ROOT.glob("service/**/*.py")]:
+    for path in [
+        path for name in ("mutune", "solver", "service") for path in ROOT.glob(f"{name}/**/*.py")
+    ]:
         for node in ast.walk(ast.parse(path.read_text())):
             modules = [each.name for each in node.names] if isinstance(node, ast.Import) else []
             if isinstance(node, ast.ImportFrom):
                 modules = [node.module or ""]
             for module in {each.partition(".")[0] for each in modules}:
-                if module in sys.stdlib_module_names or module in {"solver", "service"}:
+                if module in sys.stdlib_module_names or module in {"mutune", "solver", "service"}:
                     continue
                 assert any(canonicalize_name(each) in names for each in distributions[module]), path
 
@@ -148,8 +155,9 @@ def test_image_gets_every_file_that_it_copies() -> None:
 def test_image_copies_all_that_the_wheel_needs() -> None:
     """The packages, and what their links point to, reach the build."""
     sources = {source for step in instructions() if step[0] == "COPY" for source in step[1:-1]}
-    assert {"solver", "service", "examples", "pyproject.toml", PROJECT["readme"]} <= sources
-    links = [path for name in ("solver", "service") for path in (ROOT / name).iterdir()]
+    packages = {"mutune", "solver", "service"}
+    assert packages | {"examples", "pyproject.toml", PROJECT["readme"]} <= sources
+    links = [path for name in packages for path in (ROOT / name).iterdir()]
     for link in links:
         if link.is_symlink():
             assert link.resolve().relative_to(ROOT).parts[0] in sources

@@ -42,10 +42,11 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True)
 class Verification:
-    """Outcome of a check, and its reason where it is not PROVEN.
+    """Outcome of a check: `verdict`, and its `reason` where it is not PROVEN.
 
     `gamma` is the claimed level and `intervals` the number of intervals; None and 0 where the
-    document is malformed. `field` is a JSON pointer into the document.
+    document is malformed. `field` is a JSON pointer into the document, `interval` (rad per time
+    unit) the frequencies that could not be proven.
     """
 
     verdict: Verdict
@@ -69,6 +70,11 @@ def verify(text: str | bytes) -> Verification:
     text : str or bytes
         The JSON document.
 
+    Raises
+    ------
+    UnsupportedPlantError
+        The plant is unstable in open loop. Whatever else is wrong is an outcome.
+
     """
     try:
         return check(read_certificate(text))
@@ -78,6 +84,11 @@ def verify(text: str | bytes) -> Verification:
 
 def check(certificate: Certificate) -> Verification:
     """Return the outcome of checking a certificate that has been read or made.
+
+    Parameters
+    ----------
+    certificate : Certificate
+        The claim and its evidence.
 
     Raises
     ------

@@ -41,6 +41,7 @@ from solver.interaction.relative_gain import (
     relative_gain_at,
 )
 from solver.interaction.zeros import TransmissionZeros, ZeroMethod, transmission_zeros
+from solver.model.equality import ByValue
 from solver.model.frequencies import corners_of
 from solver.model.plants import MAX_MATRIX_SIZE, ParallelPlant, Plant
 from solver.model.remarks import plant_remarks
@@ -56,8 +57,8 @@ DENSE_UP_TO = MAX_MATRIX_SIZE
 _POINTS = 100
 
 
-@dataclass(frozen=True)
-class RelativeGainCurves:
+@dataclass(frozen=True, eq=False)
+class RelativeGainCurves(ByValue):
     """Relative gain array over frequency.
 
     `omega` (k,) rad per time unit; `relative_gains` (k, n, n) complex, NaN where the response
@@ -68,8 +69,8 @@ class RelativeGainCurves:
     relative_gains: NDArray[np.complex128] | None
 
 
-@dataclass(frozen=True)
-class Interaction:
+@dataclass(frozen=True, eq=False)
+class Interaction(ByValue):
     """Everything that is said about the interaction between the loops of a plant.
 
     Attributes

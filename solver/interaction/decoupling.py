@@ -20,6 +20,7 @@ from solver.interaction.pi_design import DesignStatus, LoopDesigner, PIDesign
 from solver.interaction.relative_gain import relative_gain_array, relative_gain_at
 from solver.interaction.sampling import dense_frequencies
 from solver.interaction.weighted_sum import WeightedSum
+from solver.model.equality import ByValue
 from solver.model.errors import InvalidInputError, UnsupportedPlantError
 from solver.model.frequencies import corners_of
 from solver.model.plants import MAX_MATRIX_SIZE, ParallelPlant, Plant
@@ -42,8 +43,8 @@ _MATTERS = 0.1  # interaction below this is small whatever the estimate says
 _POINTS = 200  # of the curves; the peaks are read off a dense grid
 
 
-@dataclass(frozen=True)
-class DecouplingSpecification:
+@dataclass(frozen=True, eq=False)
+class DecouplingSpecification(ByValue):
     """What is to be decoupled, and how tightly.
 
     Parameters
@@ -170,8 +171,8 @@ class ClosedLoop:
     indices: NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Decoupling:
+@dataclass(frozen=True, eq=False)
+class Decoupling(ByValue):
     """Outcome of a decoupling.
 
     Attributes
@@ -218,6 +219,11 @@ def decouple(specification: DecouplingSpecification) -> Decoupling:
     Decoupling
         With an unbounded loop (a first-order process without dead time, say) there is no
         closed loop; give `max_index`, or a model that holds what limits the loop.
+
+    Raises
+    ------
+    InvalidInputError
+        No such specification, which checks itself.
 
     """
     instance(specification, DecouplingSpecification, "")

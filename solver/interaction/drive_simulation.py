@@ -95,7 +95,7 @@ class DriveScenario:
 
 @dataclass(frozen=True)
 class DriveExperiment:
-    """Units and what happens to them."""
+    """Units on one load, the `system`, and the `scenario` of what happens to them."""
 
     system: ParallelDrives
     scenario: DriveScenario = DriveScenario()
@@ -149,7 +149,10 @@ class DriveResponse:
 
 @dataclass(frozen=True)
 class DriveSimulation:
-    """The units as they are, and with one integrator shared out (None without integral action)."""
+    """Responses of the `original` units, and of those `mended` by one integrator shared out.
+
+    `mended` is None without integral action.
+    """
 
     original: DriveResponse
     mended: DriveResponse | None
@@ -162,6 +165,11 @@ def simulate_drives(experiment: DriveExperiment) -> DriveSimulation:
     ----------
     experiment : DriveExperiment
         Units, load and events.
+
+    Raises
+    ------
+    InvalidInputError
+        No such experiment, which checks itself.
 
     """
     instance(experiment, DriveExperiment, "")

@@ -24,6 +24,7 @@ from solver.interaction.rational_matrix import (
     to_float,
 )
 from solver.model.controllers import DERIVATIVE_FILTER, Controller
+from solver.model.equality import ByValue
 from solver.model.errors import InvalidInputError, UnsupportedPlantError
 from solver.model.plants import Plant
 from solver.model.transfer_function import LARGEST, refuse_vanishing
@@ -81,8 +82,8 @@ class GainInterval:
     high: float
 
 
-@dataclass(frozen=True)
-class LoopEffect:
+@dataclass(frozen=True, eq=False)
+class LoopEffect(ByValue):
     """Effect of a proportional gain k in loop `other` on loop `loop`, per gain in `gains`.
 
     Attributes
@@ -203,6 +204,11 @@ def loop_effect(query: LoopEffectQuery) -> LoopEffect:
     ----------
     query : LoopEffectQuery
         The plant, the two loops and the gains.
+
+    Raises
+    ------
+    InvalidInputError
+        No such query, which checks itself.
 
     """
     instance(query, LoopEffectQuery, "")

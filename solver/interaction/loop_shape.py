@@ -33,7 +33,10 @@ __all__ = ["LoopShape", "RobustnessLimits"]
 
 @dataclass(frozen=True)
 class RobustnessLimits:
-    """Greatest permitted peaks of |S| (M_s) and |T| (M_t, M_p in the book), both above 1."""
+    """Greatest permitted peaks, both above 1.
+
+    `max_sensitivity` of |S| (M_s), `max_complementary` of |T| (M_t, M_p in the book).
+    """
 
     max_sensitivity: float = 1.6
     max_complementary: float = 1.6

@@ -22,6 +22,7 @@ from solver.interaction.integral_controllability import (
     parallel_integral_controllability,
 )
 from solver.interaction.relative_gain import relative_gain_array
+from solver.model.equality import ByValue
 from solver.model.validation import square_matrix
 from solver.stability.singular import equilibrate
 
@@ -52,8 +53,8 @@ TESTED = 20  # pairings that pass all conditions on integral control; a page of 
 _REFUSED = 1000.0
 
 
-@dataclass(frozen=True)
-class Pairing:
+@dataclass(frozen=True, eq=False)
+class Pairing(ByValue):
     """One way of pairing.
 
     Attributes
@@ -119,6 +120,11 @@ def niederlinski_index(gain: NDArray[np.float64]) -> float:
     ----------
     gain : (n, n)
         Static gain with the columns in the order of the pairing.
+
+    Raises
+    ------
+    InvalidInputError
+        Not a square matrix of finite numbers.
 
     """
     gain = square_matrix(gain)

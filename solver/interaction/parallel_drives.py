@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import null_space
 
+from solver.model.equality import ByValue
 from solver.model.errors import InvalidInputError, UnsupportedPlantError
 from solver.model.transfer_function import TransferFunction
 from solver.model.validation import instance, instances, real, reals, settle
@@ -172,8 +173,8 @@ class Remedy:
     text: str
 
 
-@dataclass(frozen=True)
-class DriveAnalysis:
+@dataclass(frozen=True, eq=False)
+class DriveAnalysis(ByValue):
     """What is hidden in the closed loop of parallel units.
 
     Attributes
@@ -213,6 +214,11 @@ def analyse_drives(system: ParallelDrives) -> DriveAnalysis:
     ----------
     system : ParallelDrives
         Units and load.
+
+    Raises
+    ------
+    InvalidInputError
+        No such system.
 
     """
     instance(system, ParallelDrives, "")

@@ -92,7 +92,7 @@ class Zero:
 
 @dataclass(frozen=True)
 class TransmissionZeros:
-    """Zeros of a plant by rising magnitude.
+    """Zeros of a plant by rising magnitude; `method` says how they were found.
 
     `degenerate`: the determinant vanishes identically, so the outputs depend on each other at
     all frequencies and zeros have no meaning; `zeros` is empty. `searched_radius` (rad per time
@@ -146,6 +146,11 @@ def transmission_zeros(plant: Plant) -> TransmissionZeros:
     ----------
     plant : Plant
         Any plant.
+
+    Raises
+    ------
+    InvalidInputError
+        No plant.
 
     """
     instance(plant, Plant, "/plant")

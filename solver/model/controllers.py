@@ -32,7 +32,8 @@ DERIVATIVE_FILTER = 0.1  # filter time constant over tau_D, SLH eq. 26
 class IdealForm:
     """Ideal (ISA) form K (1 + 1/(T_i s) + T_d s/(1 + T_f s)); all times in the caller's unit.
 
-    `integral_time` None: no integral action.
+    `gain` K, `integral_time` T_i, None: no integral action; `derivative_time` T_d; `filter_time`
+    T_f.
     """
 
     gain: float
@@ -47,7 +48,11 @@ class IdealForm:
 
 @dataclass(frozen=True)
 class ParallelForm:
-    """Parallel form K_p + K_i/s + K_d s/(1 + T_f s)."""
+    """Parallel form K_p + K_i/s + K_d s/(1 + T_f s).
+
+    `proportional_gain` K_p, `integral_gain` K_i (per time unit), `derivative_gain` K_d (times time
+    unit), `filter_time` T_f.
+    """
 
     proportional_gain: float
     integral_gain: float

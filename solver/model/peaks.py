@@ -22,7 +22,7 @@ ROUNDS = 3  # 16^3 = 4,096: a smooth peak is then right to 1e-8 of its drop over
 
 @dataclass(frozen=True)
 class Peak:
-    """Greatest value of a curve and the frequency (rad per time unit) where it is reached."""
+    """Greatest `value` of a curve, and `omega` (rad per time unit) where it is reached."""
 
     value: float
     omega: float

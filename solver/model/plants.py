@@ -154,6 +154,11 @@ def first_order(
     dead_time : float
         Dead time >= 0 in every element.
 
+    Raises
+    ------
+    InvalidInputError
+        A number out of range, or something else than a number, by name.
+
     """
     gain, interaction = real(gain, "/gain"), real(interaction, "/interaction")
     time_constant, dead_time = real(time_constant, "/time_constant"), real(dead_time, "/dead_time")

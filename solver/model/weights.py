@@ -24,7 +24,10 @@ __all__ = ["Performance", "Structure", "Uncertainty"]
 
 
 class Structure(StrEnum):
-    """Structure of the input uncertainty."""
+    """Structure of the input uncertainty.
+
+    DIAGONAL: the inputs err independently. FULL: they may err in concert.
+    """
 
     DIAGONAL = "diagonal"
     FULL = "full"

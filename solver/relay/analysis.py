@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from solver.model.equality import ByValue
 from solver.model.plants import MAX_MATRIX_SIZE
 from solver.model.validation import instance
 from solver.relay.behaviour import Behaviour, Regime, behaviour, cycle_length, regimes
@@ -94,7 +95,7 @@ class Theory:
 
 
 @dataclass(frozen=True, eq=False)
-class RelayOutcome:
+class RelayOutcome(ByValue):
     """Outcome of an experiment.
 
     Attributes

@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
+from solver.model.equality import ByValue
+
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
@@ -21,18 +23,23 @@ __all__ = ["Curves", "Guarantee", "GuaranteeStatus", "Peaks", "Robustness"]
 
 @dataclass(frozen=True)
 class Peaks:
-    """Peaks of the three mu curves, refined between grid points."""
+    """Peaks of the three mu curves, refined between grid points.
+
+    `robust_performance`, `robust_stability` and `nominal_performance`, as in `Curves`.
+    """
 
     robust_performance: Peak
     robust_stability: Peak
     nominal_performance: Peak
 
 
-@dataclass(frozen=True)
-class Curves:
+@dataclass(frozen=True, eq=False)
+class Curves(ByValue):
     """Upper bounds of mu over frequency, all (k,).
 
-    `omega` in rad per time unit, ascending, or in the order in which it was given.
+    `robust_performance` is mu(N_RP), `robust_stability` mu(w_I C S G), `nominal_performance`
+    sigma_max(w_P S): Skogestad, Lundstrom and Hovd (1989), eq. 31. `omega` in rad per time
+    unit, ascending, or in the order in which it was given.
     """
 
     omega: NDArray[np.float64]
@@ -68,10 +75,11 @@ class Guarantee:
 class Robustness:
     """Robustness of given loops.
 
-    `unstable_poles` are the closed-loop poles with Re s >= 0 but for those at s = 0,
-    `poles_at_origin`, where integrators drift. `stable_gain_factor` is for unstable loops: all
-    gains times any factor below it are stable; None where none was found, or not sought.
-
+    `nominally_stable` speaks of the model; `unstable_poles` are its closed-loop poles with
+    Re s >= 0 but for those at s = 0, `poles_at_origin`, where integrators drift.
+    `stable_gain_factor` is for unstable loops: all gains times any factor below it are stable;
+    None where none was found, or not sought. `certificate` is there where it was asked for and
+    found, `warnings` say what to look at twice.
     `peaks` and `curves` are None where the loops are nominally unstable: mu has no meaning then.
     `guarantee` is of the robust performance peak, None for an unstable loop. `lower_bound` is a
     lower bound of that peak, `worst_case` a perturbation that reaches it. `uncertainty_scaling` is

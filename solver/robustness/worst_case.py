@@ -66,10 +66,11 @@ class Entry:
 
 @dataclass(frozen=True)
 class DiagonalPerturbation:
-    """Delta_I = diag(delta_1 .. delta_n), one entry for units with equal delta.
+    """Delta_I = diag(delta_1 .. delta_n).
 
-    `actuators`: 1 + w_I delta of each entry, what multiplies those inputs of the plant in a
-    simulation; None where its order would exceed `MAX_ORDER`.
+    `entries`: one for units with equal delta. `actuators`: 1 + w_I delta of each entry, what
+    multiplies those inputs of the plant in a simulation; None where its order would exceed
+    `MAX_ORDER`.
     """
 
     entries: tuple[Entry, ...]

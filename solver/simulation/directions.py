@@ -25,6 +25,11 @@ __all__ = ["difficult_direction", "easy_direction"]
 def easy_direction(plant: Plant) -> NDArray[np.float64]:
     """Return the set-point change (n,) that needs the least input, largest entry 1.
 
+    Parameters
+    ----------
+    plant : Plant
+        n units.
+
     Raises
     ------
     InvalidInputError
@@ -36,6 +41,11 @@ def easy_direction(plant: Plant) -> NDArray[np.float64]:
 
 def difficult_direction(plant: Plant) -> NDArray[np.float64]:
     """Return the set-point change (n,) that needs the most input, largest entry 1.
+
+    Parameters
+    ----------
+    plant : Plant
+        n units.
 
     Raises
     ------

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.model.controllers import Controller
+from solver.model.equality import ByValue
 from solver.model.errors import InvalidInputError
 from solver.model.plants import Plant
 from solver.model.transfer_function import LARGEST
@@ -67,7 +68,7 @@ def acts(kind: StepKind, loop: Loop | None) -> bool:
 
 @dataclass(frozen=True)
 class Step:
-    """A step of `size` at `time` >= 0 on unit `unit`, counted from 0; two make a pulse."""
+    """A step of `kind` and `size` at `time` >= 0 on `unit`, from 0; two make a pulse."""
 
     kind: StepKind
     unit: int
@@ -90,8 +91,8 @@ class Step:
             raise InvalidInputError(message, "/size")
 
 
-@dataclass(frozen=True)
-class Experiment:
+@dataclass(frozen=True, eq=False)
+class Experiment(ByValue):
     """What is simulated, from rest.
 
     Parameters

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from solver.model.equality import ByValue
 from solver.model.validation import instance
 from solver.simulation.bounds import default_bounds, sizes_of
 from solver.simulation.closed_loop import ClosedLoop, close, events
@@ -109,7 +110,7 @@ class Metrics:
 
 
 @dataclass(frozen=True, eq=False)
-class UnitResponse:
+class UnitResponse(ByValue):
     """Response of units that move alike.
 
     Attributes
@@ -132,7 +133,7 @@ class UnitResponse:
 
 
 @dataclass(frozen=True, eq=False)
-class StepResponse:
+class StepResponse(ByValue):
     """Outcome of a simulation; every response is right up to the last time.
 
     Attributes

@@ -9,6 +9,7 @@ import numpy as np
 
 from solver.model.blocks import group_loops
 from solver.model.errors import InvalidInputError
+from solver.model.given import require_loops, require_weights
 from solver.model.transfer_function import TransferFunction
 from solver.robustness.curves import LoopAnalysis
 from solver.robustness.worst_case import DiagonalPerturbation, RankOnePerturbation, worst_case
@@ -52,7 +53,14 @@ def worst_actuators(
     Actuators or None
         None where the order of w_I delta is beyond what a transfer function holds.
 
+    Raises
+    ------
+    InvalidInputError
+        Not one loop a unit, or no `tau_p`.
+
     """
+    loops = require_loops(plant, loops)
+    require_weights(uncertainty, performance)
     blocks, controllers = group_loops(plant, loops, uncertainty.structure)
     analysis = LoopAnalysis(blocks, controllers, uncertainty, performance)
     mu = analysis.robust_performance(analysis.omega)
@@ -67,6 +75,13 @@ def with_worst_actuators(
     experiment: Experiment, uncertainty: Uncertainty, performance: Performance
 ) -> Experiment:
     """Return an experiment with the worst actuators within `uncertainty` for its loops.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        All loops closed, with integral action.
+    uncertainty, performance : Uncertainty, Performance
+        The weights; `performance.tau_p` is needed.
 
     Raises
     ------

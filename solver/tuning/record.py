@@ -44,19 +44,24 @@ class LocalOptimum:
 
 @dataclass(frozen=True)
 class SearchSummary:
-    """What the search did: starts made, best optima found (best first), seed, duration."""
+    """What the search did.
+
+    `starts` made, `local_optima` found (best first), `seed`, and `elapsed_seconds`, which do not
+    count where two outcomes are compared.
+    """
 
     starts: int
     local_optima: tuple[LocalOptimum, ...]
     seed: int
-    elapsed_seconds: float
+    elapsed_seconds: float = field(compare=False)
 
 
 @dataclass(frozen=True)
 class Comparison:
     """What asymmetry buys: the best identical settings beside the best ones.
 
-    `gain_percent` is 100 (1 - best/identical) of the objective.
+    `identical_value` is the objective of `identical_loop` on every unit, `gain_percent` 100 (1
+    - best/identical) of the objective.
     """
 
     identical_value: float
@@ -68,7 +73,8 @@ class Comparison:
 class Progress:
     """State of a running tuning.
 
-    `fraction` in 0..1; `best` is the objective so far, None before the first feasible settings.
+    `fraction` in 0..1, `starts_done` of about `starts`; `best` is the objective so far, None
+    before the first feasible settings.
     """
 
     fraction: float
@@ -81,11 +87,14 @@ class Progress:
 class Tuning:
     """Outcome of a tuning.
 
-    `tau_p` (time units) and the peaks belong to `loops`, one a unit, `groups` lists the units
-    that share settings; `integrity` says in one line what happens with loops in manual;
-    `optimality` how far tau_p is from the least possible one. Where
-    `status` is INFEASIBLE, `reason` and `omega` (the frequency that forbids it, rad per time
-    unit) say why, and the other fields are None or empty.
+    `objective` is its name; `nominally_stable` speaks of the model, `curves` of mu over
+    frequency (rad per time unit), `search` of what was tried, `comparison` of identical
+    settings beside unlike ones, `warnings` of what to look at twice; `certificate` is there
+    where it was asked for and found. `tau_p` (time units) and the peaks belong to `loops`, one
+    a unit, `groups` lists the units that share settings; `integrity` says in one line what
+    happens with loops in manual; `optimality` how far tau_p is from the least possible one.
+    Where `status` is INFEASIBLE, `reason` and `omega` (the frequency that forbids it, rad per
+    time unit) say why, and the other fields are None or empty.
     """
 
     status: Status

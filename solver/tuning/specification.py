@@ -49,7 +49,11 @@ class Objective(StrEnum):
 
 @dataclass(frozen=True)
 class Bounds:
-    """Permitted range (low, high) of each parameter's magnitude; None: chosen from the plant."""
+    """Permitted range (low, high) of each parameter's magnitude; None: chosen from the plant.
+
+    Of the `gain` (input unit per output unit), the `integral_time` and the `derivative_time`
+    (time unit of the plant).
+    """
 
     gain: tuple[float, float] | None = None
     integral_time: tuple[float, float] | None = None

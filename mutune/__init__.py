@@ -1,0 +1,272 @@
+"""mutune: robust settings of PI and PID loops for units in parallel, from Python.
+
+What is named here is the public interface; the packages behind it may move. A part is loaded
+when it is first used.
+
+>>> import mutune
+>>> plant = mutune.first_order(2, gain=1, time_constant=100, interaction=0.949)
+>>> uncertainty = mutune.Uncertainty.from_error(0.2, 1)
+>>> result = mutune.tune(plant, uncertainty, max_peak=2)  # doctest: +SKIP
+>>> print(result)  # doctest: +SKIP
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from solver import __version__
+
+if TYPE_CHECKING:
+    from service.client import Client, JobEndedError, ServiceError, ServiceUnreachableError
+    from solver.certificate.reading import read_certificate
+    from solver.certificate.record import Certificate, Claim, ProvenInterval
+    from solver.certificate.search import CertificateFailure, Obstacle, certify
+    from solver.certificate.verify import Verdict, Verification, check, verify
+    from solver.interaction.analysis import Interaction, RelativeGainCurves, analyse_interaction
+    from solver.interaction.decoupling import Decoupling, DecouplingSpecification, decouple
+    from solver.interaction.drive_simulation import (
+        DriveExperiment,
+        DriveScenario,
+        DriveSimulation,
+        simulate_drives,
+    )
+    from solver.interaction.loop_effect import LoopEffect, LoopEffectQuery, loop_effect
+    from solver.interaction.loop_shape import RobustnessLimits
+    from solver.interaction.pairing import (
+        Pairing,
+        PairingRanking,
+        niederlinski_index,
+        rank_pairings,
+    )
+    from solver.interaction.parallel_drives import (
+        Drive,
+        DriveAnalysis,
+        ParallelDrives,
+        analyse_drives,
+    )
+    from solver.interaction.relative_gain import relative_gain_array
+    from solver.interaction.zeros import TransmissionZeros, Zero, transmission_zeros
+    from solver.model.controllers import Controller, IdealForm, ParallelForm
+    from solver.model.errors import Cancelled, InvalidInputError, MutuneError, UnsupportedPlantError
+    from solver.model.peaks import Peak
+    from solver.model.physical_models import Blender, CooledReactors, StreamSplit
+    from solver.model.plants import MatrixPlant, ParallelPlant, Plant, first_order
+    from solver.model.transfer_function import TransferFunction
+    from solver.model.weights import Performance, Structure, Uncertainty
+    from solver.optimality.record import Optimality, Proof
+    from solver.relay.analysis import RelayOutcome, relay_experiment
+    from solver.relay.experiment import PlacedLoop, Relay, RelayExperiment
+    from solver.robustness.analysis import analyse
+    from solver.robustness.integrity import Detuning, Integrity, ServiceClass, integrity
+    from solver.robustness.margins import LoopMargins, Margins, loop_margins
+    from solver.robustness.record import Curves, Peaks, Robustness
+    from solver.robustness.worst_case import DiagonalPerturbation, RankOnePerturbation, WorstCase
+    from solver.simulation.actuators import CoupledActuators, OwnActuators
+    from solver.simulation.directions import difficult_direction, easy_direction
+    from solver.simulation.experiment import Experiment, Step, StepKind
+    from solver.simulation.integrator import End
+    from solver.simulation.loops import Limits, Loop
+    from solver.simulation.step_response import Metrics, StepResponse, UnitResponse, step_response
+    from solver.simulation.worst_actuators import with_worst_actuators, worst_actuators
+    from solver.tuning.record import (
+        Comparison,
+        LocalOptimum,
+        Progress,
+        SearchSummary,
+        Status,
+        Tuning,
+    )
+    from solver.tuning.specification import (
+        Arrangement,
+        Bounds,
+        ControllerKind,
+        Objective,
+        Specification,
+    )
+    from solver.workbench.interchange import plant, to_control
+    from solver.workbench.response import Response
+    from solver.workbench.tuned import InfeasibleError, Tuned, load
+    from solver.workbench.tuning import tune
+
+__all__ = [
+    "Arrangement",
+    "Blender",
+    "Bounds",
+    "Cancelled",
+    "Certificate",
+    "CertificateFailure",
+    "Claim",
+    "Client",
+    "Comparison",
+    "Controller",
+    "ControllerKind",
+    "CooledReactors",
+    "CoupledActuators",
+    "Curves",
+    "Decoupling",
+    "DecouplingSpecification",
+    "Detuning",
+    "DiagonalPerturbation",
+    "Drive",
+    "DriveAnalysis",
+    "DriveExperiment",
+    "DriveScenario",
+    "DriveSimulation",
+    "End",
+    "Experiment",
+    "IdealForm",
+    "InfeasibleError",
+    "Integrity",
+    "Interaction",
+    "InvalidInputError",
+    "JobEndedError",
+    "Limits",
+    "LocalOptimum",
+    "Loop",
+    "LoopEffect",
+    "LoopEffectQuery",
+    "LoopMargins",
+    "Margins",
+    "MatrixPlant",
+    "Metrics",
+    "MutuneError",
+    "Objective",
+    "Obstacle",
+    "Optimality",
+    "OwnActuators",
+    "Pairing",
+    "PairingRanking",
+    "ParallelDrives",
+    "ParallelForm",
+    "ParallelPlant",
+    "Peak",
+    "Peaks",
+    "Performance",
+    "PlacedLoop",
+    "Plant",
+    "Progress",
+    "Proof",
+    "ProvenInterval",
+    "RankOnePerturbation",
+    "RelativeGainCurves",
+    "Relay",
+    "RelayExperiment",
+    "RelayOutcome",
+    "Response",
+    "Robustness",
+    "RobustnessLimits",
+    "SearchSummary",
+    "ServiceClass",
+    "ServiceError",
+    "ServiceUnreachableError",
+    "Specification",
+    "Status",
+    "Step",
+    "StepKind",
+    "StepResponse",
+    "StreamSplit",
+    "Structure",
+    "TransferFunction",
+    "TransmissionZeros",
+    "Tuned",
+    "Tuning",
+    "Uncertainty",
+    "UnitResponse",
+    "UnsupportedPlantError",
+    "Verdict",
+    "Verification",
+    "WorstCase",
+    "Zero",
+    "__version__",
+    "analyse",
+    "analyse_drives",
+    "analyse_interaction",
+    "certify",
+    "check",
+    "decouple",
+    "difficult_direction",
+    "easy_direction",
+    "first_order",
+    "integrity",
+    "load",
+    "loop_effect",
+    "loop_margins",
+    "niederlinski_index",
+    "plant",
+    "rank_pairings",
+    "read_certificate",
+    "relative_gain_array",
+    "relay_experiment",
+    "simulate_drives",
+    "step_response",
+    "to_control",
+    "transmission_zeros",
+    "tune",
+    "verify",
+    "with_worst_actuators",
+    "worst_actuators",
+]
+
+# Where each name lives; a test holds it to the imports above.
+_HOMES = {
+    "service.client": "Client JobEndedError ServiceError ServiceUnreachableError",
+    "solver.certificate.reading": "read_certificate",
+    "solver.certificate.record": "Certificate Claim ProvenInterval",
+    "solver.certificate.search": "CertificateFailure Obstacle certify",
+    "solver.certificate.verify": "Verdict Verification check verify",
+    "solver.interaction.analysis": "Interaction RelativeGainCurves analyse_interaction",
+    "solver.interaction.decoupling": "Decoupling DecouplingSpecification decouple",
+    "solver.interaction.drive_simulation": (
+        "DriveExperiment DriveScenario DriveSimulation simulate_drives"
+    ),
+    "solver.interaction.loop_effect": "LoopEffect LoopEffectQuery loop_effect",
+    "solver.interaction.loop_shape": "RobustnessLimits",
+    "solver.interaction.pairing": "Pairing PairingRanking niederlinski_index rank_pairings",
+    "solver.interaction.parallel_drives": "Drive DriveAnalysis ParallelDrives analyse_drives",
+    "solver.interaction.relative_gain": "relative_gain_array",
+    "solver.interaction.zeros": "TransmissionZeros Zero transmission_zeros",
+    "solver.model.controllers": "Controller IdealForm ParallelForm",
+    "solver.model.errors": "Cancelled InvalidInputError MutuneError UnsupportedPlantError",
+    "solver.model.peaks": "Peak",
+    "solver.model.physical_models": "Blender CooledReactors StreamSplit",
+    "solver.model.plants": "MatrixPlant ParallelPlant Plant first_order",
+    "solver.model.transfer_function": "TransferFunction",
+    "solver.model.weights": "Performance Structure Uncertainty",
+    "solver.optimality.record": "Optimality Proof",
+    "solver.relay.analysis": "RelayOutcome relay_experiment",
+    "solver.relay.experiment": "PlacedLoop Relay RelayExperiment",
+    "solver.robustness.analysis": "analyse",
+    "solver.robustness.integrity": "Detuning Integrity ServiceClass integrity",
+    "solver.robustness.margins": "LoopMargins Margins loop_margins",
+    "solver.robustness.record": "Curves Peaks Robustness",
+    "solver.robustness.worst_case": "DiagonalPerturbation RankOnePerturbation WorstCase",
+    "solver.simulation.actuators": "CoupledActuators OwnActuators",
+    "solver.simulation.directions": "difficult_direction easy_direction",
+    "solver.simulation.experiment": "Experiment Step StepKind",
+    "solver.simulation.integrator": "End",
+    "solver.simulation.loops": "Limits Loop",
+    "solver.simulation.step_response": "Metrics StepResponse UnitResponse step_response",
+    "solver.simulation.worst_actuators": "with_worst_actuators worst_actuators",
+    "solver.tuning.record": "Comparison LocalOptimum Progress SearchSummary Status Tuning",
+    "solver.tuning.specification": "Arrangement Bounds ControllerKind Objective Specification",
+    "solver.workbench.interchange": "plant to_control",
+    "solver.workbench.response": "Response",
+    "solver.workbench.tuned": "InfeasibleError Tuned load",
+    "solver.workbench.tuning": "tune",
+}
+_HOME = {name: module for module, names in _HOMES.items() for name in names.split()}
+
+
+def __getattr__(name: str) -> Any:  # noqa: ANN401 - whatever is asked for
+    """Load a part when it is first used."""
+    if name not in _HOME:
+        message = f"module {__name__!r} has no attribute {name!r}"
+        raise AttributeError(message)
+    found = getattr(import_module(_HOME[name]), name)
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,0 +1,1 @@
+"""What scripts and notebooks use: tuning by keywords, results by unit, files, other libraries."""

@@ -1,0 +1,231 @@
+"""Plants from other libraries' objects and nested lists, and back to python-control."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from solver.model.controllers import Controller
+from solver.model.errors import InvalidInputError, UnsupportedPlantError
+from solver.model.plants import MatrixPlant, ParallelPlant, Plant
+from solver.model.transfer_function import TransferFunction
+from solver.model.validation import instances, integer, items, real, real_array
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import control
+
+__all__ = ["plant", "to_control"]
+
+
+def plant(G: Any, *, dead_time: Any = 0.0) -> Plant:  # noqa: ANN401 - objects of other libraries
+    """Return the plant that another library's object, or a nested list, describes.
+
+    Parameters
+    ----------
+    G : object
+        A square continuous-time transfer function: of python-control (``control.tf``), or of
+        scipy.signal with one input and output (``scipy.signal.lti`` in any form but state
+        space). Or a square nested list whose entries are such objects, `TransferFunction`,
+        pairs ``(num, den)`` of coefficients in descending powers of s, or numbers.
+    dead_time : float or (n, n) array_like
+        Dead time of every element, in the time unit of G, >= 0; added to that of the entries.
+
+    Returns
+    -------
+    Plant
+        A `ParallelPlant` where all units are alike, else a `MatrixPlant`. Row r, column c is
+        from input c to output r; loop i connects output i to input i.
+
+    Raises
+    ------
+    InvalidInputError
+        Not square, improper, of discrete time, or nothing of the above.
+    UnsupportedPlantError
+        In state space: convert it first (``control.ss2tf``) and look at what cancels.
+
+    Examples
+    --------
+    >>> lag = ([1], [10, 1])
+    >>> plant([[lag, 0], [0, lag]], dead_time=2).process.dead_time
+    2.0
+
+    """
+    if isinstance(G, ParallelPlant | MatrixPlant):
+        rows = [[G.element(row, column) for column in range(G.n)] for row in range(G.n)]
+    else:
+        rows = _rows(G)
+    n = len(rows)
+    delays = (
+        np.full((n, n), real(dead_time, "/dead_time"))
+        if np.ndim(dead_time) == 0
+        else (real_array(dead_time, "/dead_time", ndim=2))
+    )
+    if delays.shape != (n, n):
+        message = f"give one dead time, or {n} x {n} of them"
+        raise InvalidInputError(message, "/dead_time")
+    elements = [
+        [
+            element
+            if element.is_zero
+            else TransferFunction(element.num, element.den, element.dead_time + float(delays[r, c]))
+            for c, element in enumerate(row)
+        ]
+        for r, row in enumerate(rows)
+    ]
+    own = {row[r] for r, row in enumerate(elements)}
+    other = {each for r, row in enumerate(elements) for c, each in enumerate(row) if r != c}
+    if n > 1 and len(own) == len(other) == 1:
+        return ParallelPlant(n, own.pop(), other.pop())
+    return MatrixPlant(elements)
+
+
+def to_control(
+    thing: TransferFunction | Controller | Plant | Sequence[Controller], *, pade: int | None = None
+) -> control.TransferFunction:
+    """Return a python-control transfer function.
+
+    Parameters
+    ----------
+    thing : TransferFunction, Controller, Plant or sequence of Controller
+        A plant becomes its (n, n) matrix, controllers become their diagonal one.
+    pade : int or None
+        Order of the Padé approximation of dead times, > 0: python-control has none. None:
+        refuse dead time, so that nothing is approximated unasked.
+
+    Raises
+    ------
+    InvalidInputError
+        Dead time without `pade`, or a thing that is none of the above.
+
+    """
+    import control  # noqa: PLC0415 - only who asks for it needs it
+
+    if pade is not None and integer(pade, "/pade") < 1:
+        message = "the order must be at least 1"
+        raise InvalidInputError(message, "/pade")
+    if isinstance(thing, Controller):
+        return control.tf(*_controller_polynomials(thing))
+    if isinstance(thing, TransferFunction):
+        return control.tf(*_polynomials(thing, pade))
+    if isinstance(thing, ParallelPlant | MatrixPlant):
+        size = range(thing.n)
+        parts = [[_polynomials(thing.element(r, c), pade) for c in size] for r in size]
+    else:
+        loops = instances(thing, Controller, "")
+        none = [0.0], [1.0]
+        parts = [
+            [_controller_polynomials(loop) if r == c else none for c in range(len(loops))]
+            for r, loop in enumerate(loops)
+        ]
+    return control.tf(
+        [[p[0] for p in row] for row in parts], [[p[1] for p in row] for row in parts]
+    )
+
+
+def _rows(G: Any) -> list[list[TransferFunction]]:  # noqa: ANN401 - see `plant`
+    if _is_state_space(G):
+        message = "a state-space model: make it a transfer function first, and see what cancels"
+        raise UnsupportedPlantError(message, "")
+    if hasattr(G, "ninputs") and hasattr(G, "noutputs") and hasattr(G, "num"):
+        _require_continuous(G, "")
+        size = G.noutputs, G.ninputs
+        if size[0] != size[1]:
+            message = f"a plant is square; this one has {size[0]} outputs and {size[1]} inputs"
+            raise InvalidInputError(message, "")
+        return [
+            [_of(G.num[r][c], G.den[r][c], f"/{r}/{c}") for c in range(size[1])]
+            for r in range(size[0])
+        ]
+    if hasattr(G, "num") or hasattr(G, "zeros"):
+        return [[_entry(G, "")]]
+    given = [items(row, f"/{r}") for r, row in enumerate(items(G, ""))]
+    for r, row in enumerate(given):
+        if len(row) != len(given):
+            message = f"a plant is square; row {r} has {len(row)} of {len(given)} entries"
+            raise InvalidInputError(message, f"/{r}")
+    if not given:
+        message = "a plant has at least one element"
+        raise InvalidInputError(message, "")
+    return [[_entry(each, f"/{r}/{c}") for c, each in enumerate(row)]
+            for r, row in enumerate(given)]  # fmt: skip
+
+
+def _entry(entry: Any, field: str) -> TransferFunction:  # noqa: ANN401 - see `plant`
+    if isinstance(entry, TransferFunction):
+        return entry
+    if _is_state_space(entry):
+        message = "a state-space model: make it a transfer function first, and see what cancels"
+        raise UnsupportedPlantError(message, field)
+    if hasattr(entry, "ninputs") and hasattr(entry, "num"):
+        _require_continuous(entry, field)
+        if (entry.noutputs, entry.ninputs) != (1, 1):
+            message = "an entry has one input and one output"
+            raise InvalidInputError(message, field)
+        return _of(entry.num[0][0], entry.den[0][0], field)
+    if hasattr(entry, "to_tf"):  # scipy.signal
+        _require_continuous(entry, field)
+        polynomials = entry.to_tf()
+        if np.ndim(polynomials.num) != 1:
+            message = "an entry has one input and one output"
+            raise InvalidInputError(message, field)
+        return _of(polynomials.num, polynomials.den, field)
+    if isinstance(entry, tuple | list):
+        if len(entry) != 2:
+            message = "an entry is a pair of numerator and denominator"
+            raise InvalidInputError(message, field)
+        num, den = ([part] if np.ndim(part) == 0 else part for part in entry)
+        return _of(num, den, field)
+    return _of([real(entry, field)], [1.0], field)
+
+
+def _of(num: Any, den: Any, field: str) -> TransferFunction:  # noqa: ANN401 - see `plant`
+    """Return a transfer function without the leading zeros that other libraries keep."""
+    parts = []
+    for name, part in (("num", num), ("den", den)):
+        values = [real(value, f"{field}/{name}/{k}") for k, value in enumerate(items(part, field))]
+        while len(values) > 1 and values[0] == 0:
+            del values[0]
+        parts.append(values)
+    try:
+        return TransferFunction(parts[0], parts[1])
+    except InvalidInputError as error:
+        raise error.within(field) from None
+
+
+def _is_state_space(thing: object) -> bool:
+    return all(hasattr(thing, name) for name in "ABCD")
+
+
+def _require_continuous(thing: Any, field: str) -> None:  # noqa: ANN401 - see `plant`
+    # python-control: 0 is continuous, None unspecified; scipy.signal: None is continuous.
+    if getattr(thing, "dt", None) not in {None, 0}:
+        message = "a discrete-time model; a plant is of continuous time"
+        raise InvalidInputError(message, field)
+
+
+def _polynomials(function: TransferFunction, pade: int | None) -> tuple[Any, Any]:
+    if not function.dead_time or function.is_zero:
+        return list(function.num), list(function.den)
+    if pade is None:
+        message = "python-control has no dead time: give the order of its approximation, pade="
+        raise InvalidInputError(message, "/dead_time")
+    import control  # noqa: PLC0415 - as above
+
+    num, den = control.pade(function.dead_time, pade)
+    return np.polymul(function.num, num), np.polymul(function.den, den)
+
+
+def _controller_polynomials(controller: Controller) -> tuple[Any, Any]:
+    """Numerator and denominator of the cascade form, Skogestad, Lundstrom and Hovd, eq. 26."""
+    num, den = np.array([controller.gain]), np.array([1.0])
+    if controller.integral_time is not None:
+        num = np.polymul(num, [controller.integral_time, 1.0])
+        den = np.polymul(den, [controller.integral_time, 0.0])
+    if controller.derivative_time is not None:
+        num = np.polymul(num, [controller.derivative_time, 1.0])
+    if controller.lag_time:
+        den = np.polymul(den, [controller.lag_time, 1.0])
+    return num, den

@@ -1,0 +1,133 @@
+"""Tuning by keywords."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import TYPE_CHECKING, Any, Literal, overload
+
+from solver.model.errors import InvalidInputError
+from solver.model.weights import Performance
+from solver.tuning.specification import Bounds, ControllerKind, Specification
+from solver.tuning.tuner import tune as tune_specification
+from solver.workbench.tuned import Tuned
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from solver.model.plants import Plant
+    from solver.model.weights import Uncertainty
+    from solver.tuning.record import Progress
+    from solver.tuning.specification import Arrangement, Objective
+
+    KindName = Literal["PI", "PID"]
+    ArrangementName = Literal["identical", "independent", "grouped", "best"]
+
+__all__ = ["tune"]
+
+
+@overload
+def tune(plant: Specification, *, progress: Callable[[Progress], None] | None = None) -> Tuned: ...
+@overload
+def tune(
+    plant: Plant,
+    uncertainty: Uncertainty,
+    *,
+    max_peak: float = 2.0,
+    offset: float = 0.0,
+    tau_p: float | None = None,
+    controller: ControllerKind | KindName = ...,
+    arrangement: Arrangement | ArrangementName = ...,
+    group_sizes: Sequence[int] | None = None,
+    objective: Objective | Literal["tau_p", "mu"] = ...,
+    bounds: Bounds | None = None,
+    starts: int | None = None,
+    seed: int = 0,
+    time_limit: float | None = None,
+    certificate: bool = False,
+    optimality_gap: bool = False,
+    progress: Callable[[Progress], None] | None = None,
+) -> Tuned: ...
+def tune(
+    plant: Plant | Specification,
+    uncertainty: Uncertainty | None = None,
+    *,
+    progress: Callable[[Progress], None] | None = None,
+    **options: Any,
+) -> Tuned:
+    """Find the best settings.
+
+    Parameters
+    ----------
+    plant : Plant or Specification
+        Open-loop stable, or integrating; or the whole task, with `progress` alone beside it.
+    uncertainty : Uncertainty
+        How wrong the inputs may be.
+    max_peak, offset, tau_p : float
+        The demand, see `Performance`; `tau_p` (time unit of the plant) for the objective 'mu',
+        and only then.
+    controller : ControllerKind or str
+        Kind of all controllers, 'PI' or 'PID'.
+    arrangement : Arrangement or str
+        Which loops share settings: 'identical', 'independent', 'grouped' or 'best'.
+    group_sizes : sequence of int or None
+        Sizes of the groups, for 'grouped', and only then.
+    objective : Objective or str
+        'tau_p', the fastest settings, or 'mu', the smallest peak of mu at `tau_p`.
+    bounds, starts, seed, time_limit, certificate, optimality_gap
+        See `Specification`.
+    progress : callable or None
+        Called about ten times a second with a `Progress`; what it raises passes through.
+
+    Returns
+    -------
+    Tuned
+        Look at its `ok` first, or call its `raise_if_infeasible`.
+
+    Raises
+    ------
+    UnsupportedPlantError
+        The plant is open-loop unstable.
+    InvalidInputError
+        An argument of the wrong kind or out of range, by name.
+
+    """
+    if isinstance(plant, Specification):
+        for name in ("uncertainty", *options) if uncertainty is not None else options:
+            message = f"a specification is the whole task: give no {name} beside it"
+            raise InvalidInputError(message, f"/{name}")
+        specification = plant
+    else:
+        specification = _specification(plant, uncertainty, **options)
+    return Tuned(specification, tune_specification(specification, progress))
+
+
+def _specification(
+    plant: Plant,
+    uncertainty: Uncertainty | None,
+    *,
+    max_peak: float = 2.0,
+    offset: float = 0.0,
+    tau_p: float | None = None,
+    controller: str = ControllerKind.PI,
+    bounds: Bounds | None = None,
+    **others: Any,  # noqa: ANN401 - the record checks them
+) -> Specification:
+    """Return the task; the record checks what it gets, values of enumerations included."""
+    known = {each.name for each in fields(Specification)} - {
+        "plant",
+        "uncertainty",
+        "performance",
+        "kind",
+    }
+    for name in others:
+        if name not in known:
+            message = f"tune() has no option {name!r}"
+            raise TypeError(message)
+    return Specification(
+        plant,
+        uncertainty,  # type: ignore[arg-type]  # None is refused there, by name
+        Performance(max_peak, offset, tau_p),
+        kind=controller,  # type: ignore[arg-type]  # a value becomes the member there
+        bounds=Bounds() if bounds is None else bounds,
+        **others,
+    )
