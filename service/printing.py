@@ -25,11 +25,13 @@ __all__ = [
     "warning_lines",
 ]
 
-# Name, field and meaning of the three curves of mu.
+ROUNDED = 1e-6  # above 1, where a tuning ends to rounding
+
+# Name and field of the three curves of mu, and what a peak at or below 1 and one above mean.
 CURVES = (
-    ("robust performance", "robust_performance", "at most 1: demand met"),
-    ("robust stability", "robust_stability", "below 1: always stable"),
-    ("nominal performance", "nominal_performance", "(without uncertainty)"),
+    ("robust performance", "robust_performance", ("demand met", "above 1: demand not met")),
+    ("robust stability", "robust_stability", ("always stable", "above 1: may be unstable")),
+    ("nominal performance", "nominal_performance", ("(without uncertainty)",) * 2),
 )
 
 
@@ -77,8 +79,9 @@ def matrix(
 def peaks_grid(peaks: Peaks) -> Grid:
     """Return the peaks of the three curves of mu, and what each means."""
     rows = []
-    for title, name, meaning in CURVES:
+    for title, name, (within, above) in CURVES:
         peak = getattr(peaks, name)
+        meaning = within if peak.value is not None and peak.value <= 1 + ROUNDED else above
         rows.append((title, number(peak.value), number(peak.omega), meaning))
     heads = ("peak of μ", "value", "ω (rad/time)", "over the whole set of plants")
     return Grid(heads, rows, frozenset({0, 3}))

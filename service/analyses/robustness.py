@@ -16,13 +16,13 @@ from pydantic import ConfigDict, Field
 import solver.model.plants
 import solver.model.weights
 from service.analysis import Analysis, Figures
-from service.printing import Grid, Line, Part, peaks_grid, proof_lines, warning_lines
+from service.printing import ROUNDED, Grid, Line, Part, peaks_grid, proof_lines, warning_lines
 from service.schemas.drawn import DrawnRobustness
 from service.schemas.encoding import encode
 from service.schemas.fields import Frequency, ResultModel
 from service.schemas.given_loops import EXAMPLE, GivenLoops
 from service.schemas.margins import LoopMargins
-from service.schemas.peaks import PEAK_EXAMPLE, Curves, Peak, Peaks
+from service.schemas.peaks import PEAK_EXAMPLE, Curves, Guarantee, Peak, Peaks
 from service.schemas.worst_case import WorstCase
 from service.wording import number, units_text
 from solver.model.controllers import Controller
@@ -31,6 +31,7 @@ from solver.model.errors import InvalidInputError
 __all__ = ["ANALYSIS", "RobustnessRequest", "RobustnessResult", "RobustnessTask"]
 
 MAX_FREQUENCIES = 10_000
+INFINITELY_MANY = 10**9  # solver.stability.closed_loop; not imported, for numba's sake
 
 
 @dataclass(frozen=True)
@@ -95,7 +96,25 @@ class RobustnessResult(ResultModel):
         description="Whether the nominal closed loop is stable.", examples=[True]
     )
     unstable_poles: int = Field(
-        description="Closed-loop poles in the right half plane.", examples=[0]
+        description="Closed-loop poles in the right half plane, those at s = 0 apart.",
+        examples=[0],
+    )
+    poles_at_origin: int = Field(
+        default=0,
+        description="Closed-loop poles at s = 0: integrators that drift, since the plant's static "
+        "gain is singular.",
+        examples=[0],
+    )
+    stable_gain_factor: float | None = Field(
+        default=None,
+        description="Unstable loops become stable with all gains times this factor; null: none "
+        "was found, or the loops are stable.",
+        examples=[None],
+    )
+    guarantee: Guarantee | None = Field(
+        default=None,
+        description="What is proven over all frequencies; null where the loops are unstable.",
+        examples=[{"status": "proven", "level": 1.0001, "reason": None}],
     )
     peaks: Peaks | None = Field(
         description="Peaks of the three mu curves.",
@@ -160,15 +179,16 @@ def table(result: RobustnessResult) -> list[Part]:
     """Return the analysis as lines and grids."""
     parts: list[Part] = []
     if result.nominally_stable:
-        parts.append(Line("Nominally stable.", "strong"))
+        parts.append(_demand(result))
     else:
-        poles = result.unstable_poles
-        many = "s" * (poles != 1)
-        parts.append(
-            Line(f"Unstable: {poles} closed-loop pole{many} in the right half plane.", "alarm")
-        )
+        parts.append(Line(_unstable(result), "alarm"))
+    if result.stable_gain_factor is not None:
+        factor = number(result.stable_gain_factor)
+        parts.append(Line(f"Stable with all gains reduced to {factor} times these, and below."))
     if result.peaks is not None:
         parts.append(peaks_grid(result.peaks))
+    if result.guarantee is not None and result.certificate is None:
+        parts.append(Line(_proven(result.guarantee)))
     if result.lower_bound is not None:
         bound = number(result.lower_bound.value)
         parts.append(Line(f"A plant in the set reaches {bound}: the lower bound of that peak."))
@@ -179,6 +199,34 @@ def table(result: RobustnessResult) -> list[Part]:
     if result.margins:
         parts.append(_margins(result.margins))
     return [*parts, *warning_lines(result.warnings)]
+
+
+def _demand(result: RobustnessResult) -> Line:
+    """Say first whether the demand holds."""
+    peak = result.peaks.robust_performance.value if result.peaks else None
+    if peak is None:
+        return Line("Nominally stable.", "strong")
+    if peak <= 1 + ROUNDED:
+        return Line("Nominally stable, demand met: mu is at most 1.", "strong")
+    return Line(f"Nominally stable, demand not met: mu reaches {number(peak)}, above 1.", "alarm")
+
+
+def _unstable(result: RobustnessResult) -> str:
+    poles, drifting = result.unstable_poles, result.poles_at_origin
+    found = []
+    if poles >= INFINITELY_MANY:
+        found.append("infinitely many closed-loop poles in the right half plane")
+    elif poles:
+        found.append(f"{poles} closed-loop pole{'s' * (poles != 1)} in the right half plane")
+    if drifting:
+        found.append(f"{drifting} at s = 0, where integrators drift")
+    return f"Unstable: {', '.join(found)}."
+
+
+def _proven(guarantee: Guarantee) -> str:
+    if guarantee.status == "proven":
+        return f"Proven: mu is at most {number(guarantee.level)} at every frequency."
+    return f"Not proven over all frequencies: {guarantee.reason}."
 
 
 def _margins(margins: Sequence[LoopMargins]) -> Grid:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from pydantic import Field
 
 from service.schemas.fields import ResultModel
 
-__all__ = ["PEAK_EXAMPLE", "Curves", "Peak", "Peaks"]
+__all__ = ["PEAK_EXAMPLE", "Curves", "Guarantee", "Peak", "Peaks"]
 
 
 class Peak(ResultModel):
@@ -37,6 +39,20 @@ class Peaks(ResultModel):
     nominal_performance: Peak = Field(
         description="Performance of the nominal plant.", examples=[PEAK_EXAMPLE]
     )
+
+
+class Guarantee(ResultModel):
+    """What is known of mu of robust performance over all frequencies."""
+
+    status: Literal["proven", "open"] = Field(
+        description="proven: the loops are nominally stable and mu is at most `level` at every "
+        "frequency, rounding included; open: no proof was found.",
+        examples=["proven"],
+    )
+    level: float | None = Field(
+        description="Level of mu, 1.0001 times the peak that was found.", examples=[1.0001]
+    )
+    reason: str | None = Field(description="Why it is open; else null.", examples=[None])
 
 
 Values = list[float | None]

@@ -12,7 +12,13 @@ from service.schemas.plants import TransferFunction
 from solver.model.transfer_function import LARGEST
 from solver.model.weights import Structure
 
-__all__ = ["Performance", "Uncertainty", "UncertaintyOfError", "UncertaintyOfWeight"]
+__all__ = [
+    "Performance",
+    "Uncertainty",
+    "UncertaintyOfError",
+    "UncertaintyOfGainAndDeadTime",
+    "UncertaintyOfWeight",
+]
 
 StructureName = Annotated[
     Literal["diagonal", "full"],
@@ -33,8 +39,8 @@ class UncertaintyOfError(RequestModel):
         )
     )
     theta: Time = Field(
-        description="The error reaches 100 per cent near the frequency 1/theta; "
-        "covers a neglected dead time theta.",
+        description="The error reaches 100 per cent near the frequency 1/theta. Of a neglected "
+        "dead time the weight covers about 0.7 theta; gain_error and dead_time_error cover all.",
         examples=[1.0],
     )
     structure: StructureName = "diagonal"
@@ -43,6 +49,27 @@ class UncertaintyOfError(RequestModel):
         """Return the solver's uncertainty."""
         return solver.model.weights.Uncertainty.from_error(
             self.epsilon, self.theta, Structure(self.structure)
+        )
+
+
+class UncertaintyOfGainAndDeadTime(RequestModel):
+    """Input uncertainty that covers a gain error and a neglected dead time together."""
+
+    gain_error: Annotated[float, Field(ge=SMALLEST, le=1, json_schema_extra={"x-unit": "1"})] = (
+        Field(
+            description="Greatest relative error of an actuator's gain; 0.2 is 20 per cent.",
+            examples=[0.2],
+        )
+    )
+    dead_time_error: Time = Field(
+        description="Greatest dead time that the model leaves out.", examples=[1.0]
+    )
+    structure: StructureName = "diagonal"
+
+    def build(self) -> solver.model.weights.Uncertainty:
+        """Return the solver's uncertainty."""
+        return solver.model.weights.Uncertainty.from_gain_and_dead_time(
+            self.gain_error, self.dead_time_error, Structure(self.structure)
         )
 
 
@@ -63,14 +90,20 @@ class UncertaintyOfWeight(RequestModel):
 
 
 def _form(value: Any) -> str:  # noqa: ANN401 - whatever the caller sent
-    """Tell the two forms apart by the one field that only the second has."""
+    """Tell the forms apart by a field that only one has."""
     if isinstance(value, dict):
-        return "weight" if "weight" in value else "error"
+        if "weight" in value:
+            return "weight"
+        return "both" if {"gain_error", "dead_time_error"} & set(value) else "error"
+    if isinstance(value, UncertaintyOfGainAndDeadTime):
+        return "both"
     return "weight" if isinstance(value, UncertaintyOfWeight) else "error"
 
 
 Uncertainty = Annotated[
-    Annotated[UncertaintyOfError, Tag("error")] | Annotated[UncertaintyOfWeight, Tag("weight")],
+    Annotated[UncertaintyOfError, Tag("error")]
+    | Annotated[UncertaintyOfGainAndDeadTime, Tag("both")]
+    | Annotated[UncertaintyOfWeight, Tag("weight")],
     Discriminator(_form),
 ]
 

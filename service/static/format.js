@@ -11,6 +11,7 @@ const NAMES = /** @type {Record<string, string>} */ ({
 const OPTIONS = /** @type {Record<string, string>} */ ({
   tau_p: "Fastest loop, τₚ", mu: "Most robust, μ",
   UncertaintyOfError: "Error and time scale", UncertaintyOfWeight: "Weight w(s)",
+  UncertaintyOfGainAndDeadTime: "Errors of gain and dead time",
 });
 const SUPERSCRIPTS = "⁰¹²³⁴⁵⁶⁷⁸⁹";
 

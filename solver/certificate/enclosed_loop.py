@@ -74,8 +74,8 @@ class Loop:
         UnsupportedPlantError
             A pole of the plant lies in the right half plane or, other than s = 0, on its edge.
         InvalidInputError
-            The performance weight has no time constant, or there are more than `MAX_SETTINGS`
-            different settings.
+            The performance weight has no time constant, the uncertainty weight is not stable, or
+            there are more than `MAX_SETTINGS` different settings.
 
         """
         _require_stable(claim.plant)
@@ -84,6 +84,11 @@ class Loop:
             message = f"certificates cover at most {MAX_SETTINGS} different settings"
             raise InvalidInputError(message, "/loops")
         w_I = claim.uncertainty.weight
+        # At a pole of w_I no level of mu is finite, and at s = 0 the rows' powers of s, which are
+        # counted from the plant alone, would hide it.
+        if w_I.den[-1] == 0 or not is_hurwitz(w_I.den):
+            message = "the uncertainty weight must be stable, without a pole at s = 0"
+            raise InvalidInputError(message, "/uncertainty/weight/den")
         return cls(
             blocks(claim.plant, settings),
             tuple(_controller(group.controller) for group in settings),

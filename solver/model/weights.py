@@ -23,6 +23,12 @@ if TYPE_CHECKING:
 __all__ = ["Performance", "Structure", "Uncertainty"]
 
 
+# Skogestad and Postlethwaite (2005), eq. 7.28: x = theta s/2.363, (x^2 + 2 0.838 x + 1) over
+# (x^2 + 2 0.685 x + 1).
+CORRECTION, LEAD, LAG = 2.363, 1.676, 1.37
+SHORTEST = 1e-40  # dead time whose cube still is a coefficient
+
+
 class Structure(StrEnum):
     """Structure of the input uncertainty.
 
@@ -74,8 +80,9 @@ class Uncertainty:
         epsilon : float
             Relative error of the inputs at steady state, > 0 (0.2 is 20 per cent).
         theta : float
-            The error reaches 100 per cent near the frequency 1/theta; covers a neglected dead
-            time theta. theta >= 0.
+            The error reaches 100 per cent near the frequency 1/theta; theta >= 0. A neglected dead
+            time theta is covered up to omega theta = 0.7 only, and not together with an error of
+            the gain: `from_gain_and_dead_time` covers both.
         structure : Structure or str
             As for the class.
 
@@ -93,6 +100,49 @@ class Uncertainty:
         if theta == 0:
             return cls(TransferFunction((epsilon,), (1.0,)), structure)
         return cls(TransferFunction((theta, epsilon), (theta / 2, 1.0)), structure)
+
+    @classmethod
+    def from_gain_and_dead_time(
+        cls,
+        gain_error: float,
+        dead_time_error: float,
+        structure: Structure | Literal["diagonal", "full"] = Structure.DIAGONAL,
+    ) -> Uncertainty:
+        """Return a weight that covers every gain error and every neglected dead time together.
+
+        |w_I| is at least |(1 + r) exp(-j omega theta) - 1| for all gain errors up to r and dead
+        times up to theta, at every frequency: Skogestad and Postlethwaite (2005), eqs. 7.27 and
+        7.28, with the third-order correction of the latter.
+
+        Parameters
+        ----------
+        gain_error : float
+            r: greatest relative error of an actuator's gain, 0 < r <= 1 (0.2 is 20 per cent).
+        dead_time_error : float
+            theta: greatest dead time that the model leaves out, >= 0.
+        structure : Structure or str
+            As for the class.
+
+        """
+        r, theta = real(gain_error, "/gain_error"), real(dead_time_error, "/dead_time_error")
+        if not 0 < r <= 1:
+            message = "the gain error must be positive and at most 1"
+            raise InvalidInputError(message, "/gain_error")
+        if not 0 <= theta <= LARGEST:
+            message = "the dead time error must not be negative"
+            raise InvalidInputError(message, "/dead_time_error")
+        refuse_vanishing(r, "/gain_error")
+        if theta == 0:
+            return cls(TransferFunction((r,), (1.0,)), choice(Structure, structure, "/structure"))
+        if theta < SHORTEST:
+            message = f"the dead time error must be zero or at least {SHORTEST:g}"
+            raise InvalidInputError(message, "/dead_time_error")
+        num = np.polymul((1 + r / 2, r), (CORRECTION**-2, LEAD / CORRECTION, 1.0))
+        den = np.polymul((0.5, 1.0), (CORRECTION**-2, LAG / CORRECTION, 1.0))
+        # In powers of theta s; the larger of s and theta s goes with coefficients near one.
+        powers = theta ** (np.arange(3, -1, -1.0) - (3 if theta > 1 else 0))
+        weight = TransferFunction((num * powers).tolist(), (den * powers).tolist())
+        return cls(weight, choice(Structure, structure, "/structure"))
 
     def magnitude(self, omega: ArrayLike) -> NDArray[np.float64]:
         """Return |w_I| at `omega` (rad per time unit), (k,)."""

@@ -197,7 +197,8 @@ def test_robustness_prints_the_json_result_alone() -> None:
 def test_robustness_prints_peaks_margins_and_proof() -> None:
     """The tables show stability, peaks, the margins of each loop, and what is proven."""
     output = mutune("robustness", "-", request={**ROBUSTNESS, "certificate": "full"}).stdout
-    assert "Nominally stable." in output
+    assert "Nominally stable, demand not met: mu reaches 1.0003, above 1." in output
+    assert "at most 1: demand met" not in output
     assert re.search(r"robust performance +1\.0003 +0\.031436", output)
     assert re.search(r"loop 2 +open +- +47\.07", output)
     proven = re.search(r"at most ([\d.]+) at\s+every frequency", output)
@@ -270,3 +271,13 @@ def test_a_proof_that_does_not_exist_is_refused_by_name() -> None:
     result = mutune("tune", "-", request=pid)
     assert result.exit_code == 2
     assert "/search/optimality_gap: the optimality gap is proven for PI only" in result.stderr
+
+
+def test_an_unstable_loop_is_said_to_be_so_first() -> None:
+    """The first line says it, and how far the gains must come down."""
+    loops = [{"gain": 4000.0, "integral_time": 101.0}, {"gain": 22.8, "integral_time": 3.15}]
+    plant = {**ROBUSTNESS["plant"], "dead_time": 1.0}
+    request = {**ROBUSTNESS, "plant": plant, "loops": loops}
+    output = mutune("robustness", "-", request=request).stdout
+    assert output.lstrip().startswith("Unstable:")
+    assert re.search(r"Stable with all gains reduced to [\d.e-]+ times", output)

@@ -18,6 +18,8 @@ from hypothesis import strategies as st
 from solver.certificate import Certificate, Claim, ProvenInterval, Verdict, check, verify
 from solver.certificate.enclosures import Interval
 from solver.model.controllers import Controller
+from solver.model.errors import InvalidInputError
+from solver.model.transfer_function import TransferFunction
 
 RELAXED = settings(
     max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
@@ -142,3 +144,17 @@ def test_unstable_loops_are_refused_although_mu_is_below_the_level(
     verification = check(Certificate(wrong, intervals))
     assert verification.verdict is Verdict.UNSTABLE
     assert verification.reason == "2 of the closed-loop poles are unstable"
+
+
+@pytest.mark.parametrize("den", [(1.0, 0.0), (1.0, -1.0), (1.0, 0.0, 1.0)])
+def test_an_unstable_uncertainty_weight_is_refused_by_the_check_itself(
+    certificate: Certificate, den: tuple[float, ...]
+) -> None:
+    """Also where the record, which refuses it too, was made without its own checks."""
+    weight = TransferFunction((0.2,), den)
+    uncertainty = copy.copy(certificate.claim.uncertainty)
+    object.__setattr__(uncertainty, "weight", weight)
+    forged = replace(certificate, claim=replace(certificate.claim, uncertainty=uncertainty))
+    with pytest.raises(InvalidInputError, match="must be stable") as error:
+        check(forged)
+    assert error.value.field == "/uncertainty/weight/den"

@@ -61,3 +61,46 @@ def test_performance_out_of_range_is_refused(arguments, field):
     with pytest.raises(InvalidInputError) as error:
         Performance(**arguments)
     assert error.value.field == field
+
+
+@pytest.mark.parametrize("r", [1e-6, 0.01, 0.05, 0.1, 0.2, 0.3, 0.4, 0.6, 0.8, 1.0])
+def test_gain_and_dead_time_errors_are_covered_at_every_frequency(r):
+    """|w_I| is above every |k e^(-j omega theta') - 1| with k in 1 -+ r, theta' in 0..theta."""
+    theta = 3.0
+    x = np.concatenate([np.geomspace(1e-6, 0.1, 500), np.linspace(0.1, 40, 8000), [1e3, 1e6]])
+    weight = Uncertainty.from_gain_and_dead_time(r, theta).magnitude(x / theta)
+    for gain in (1 - r, 1 + r):
+        for share in (1.0, 0.9, 0.5, 0.1, 0.0):
+            error = np.abs(gain * np.exp(-1j * share * x) - 1)
+            assert (weight >= error * (1 - 1e-9)).all()
+
+
+@pytest.mark.parametrize("theta", [0.0, 1e-12, 1e-3, 1.0, 1e6, 1e12])
+def test_the_weight_of_gain_and_dead_time_scales_with_the_unit_of_time(theta):
+    """The same in every unit of time: a function of omega theta alone."""
+    weight = Uncertainty.from_gain_and_dead_time(0.2, theta)
+    if theta == 0:
+        assert weight.magnitude([1e-3, 1.0]).tolist() == [0.2, 0.2]
+        return
+    x = np.geomspace(1e-3, 1e3, 50)
+    usual = Uncertainty.from_gain_and_dead_time(0.2, 1.0).magnitude(x)
+    np.testing.assert_allclose(weight.magnitude(x / theta), usual, rtol=1e-12)
+
+
+def test_the_published_weight_covers_a_dead_time_to_seven_tenths_only():
+    """|e^(-j omega theta) - 1| passes |w_I| at omega theta = 0.71 for epsilon = 0.2."""
+    weight = Uncertainty.from_error(0.2, 1.0)
+    omega = np.linspace(0.6, 1.2, 601)
+    short = np.abs(np.exp(-1j * omega) - 1) > weight.magnitude(omega)
+    assert omega[short][0] == pytest.approx(0.71, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("r", "theta", "field"),
+    [(0.0, 1.0, "/gain_error"), (1.5, 1.0, "/gain_error"), (0.2, -1.0, "/dead_time_error")],
+)
+def test_errors_out_of_range_are_refused(r, theta, field):
+    """Each by its name."""
+    with pytest.raises(InvalidInputError) as error:
+        Uncertainty.from_gain_and_dead_time(r, theta)
+    assert error.value.field == field
