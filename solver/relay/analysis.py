@@ -22,6 +22,7 @@ from solver.relay.describing_function import (
 from solver.relay.experiment import RelayExperiment, RelayWiring, wire
 from solver.relay.mcavoy import McAvoy, mcavoy
 from solver.relay.periodic import PeriodicSolution, RelayLoop, periodic_solutions
+from solver.relay.seen_cycle import SeenCycle
 from solver.relay.settings import Settings, settings
 from solver.relay.switching import RelaySwitching
 from solver.simulation.bounds import default_bounds, sizes_of
@@ -47,24 +48,32 @@ class Cycle:
     period : float
         T.
     switchings : int
-        In a period; with more than two the gains below mean nothing, and `settings` is None.
+        In a period; with more than two there is no ultimate point.
     amplitudes : tuple of float
         Half the range of each output.
-    ultimate : Ultimate
-        K_u = 4 d/(pi a) with the relay input's amplitude a, omega_u = 2 pi/T.
+    phase : float
+        Of the process that the relay sees, at the cycle's frequency, measured, rad, in -2 pi..0
+        with the sign of its gain turned; -pi at the ultimate point.
+    ultimate : Ultimate or None
+        K_u = 4 d/(pi a) with the relay input's amplitude a, omega_u = 2 pi/T. None where the cycle
+        is not at the ultimate point: more than two switchings, or a phase far from -pi.
+    remark : str or None
+        What keeps the cycle from the ultimate point, and what it tells all the same.
     cross_gains : tuple of float or None
         4 d/(pi a) for every output: the ultimate cross gains K_u'; None where an output rests.
     harmonics : tuple of Harmonic
         First harmonics: the frequency responses at 2 pi/T from the relay to each output.
     settings : Settings or None
-        PI settings for the loop.
+        PI settings for the loop; None without an ultimate point.
 
     """
 
     period: float
     switchings: int
     amplitudes: tuple[float, ...]
-    ultimate: Ultimate
+    phase: float
+    ultimate: Ultimate | None
+    remark: str | None
     cross_gains: tuple[float | None, ...]
     harmonics: tuple[Harmonic, ...]
     settings: Settings | None
@@ -211,27 +220,44 @@ def _cycle(
     count = cycle_length(times, relay.sampling_period or 0.0) or 2
     start, end = float(times[-1 - count]), float(times[-1])
     amplitudes = tuple(half_range(trajectory, place.at, start, end) for place in closed.outputs)
-    ultimate = Ultimate(
-        ultimate_gain(amplitudes[wired.output], relay.amplitude), 2 * np.pi / (end - start)
+    sign = float(np.sign(relay.amplitude))
+    measured = harmonics(
+        trajectory,
+        [place.at for place in closed.outputs],
+        closed.inputs[wired.input].at,
+        start,
+        end,
     )
+    own = measured[wired.output]
+    seen = SeenCycle(
+        omega=2 * np.pi / (end - start),
+        gain=own.gain,
+        phase=float(-np.mod(-own.phase - (np.pi if sign < 0 else 0.0), 2 * np.pi)),
+        switchings=count,
+        unevenness=_unevenness(times),
+        hysteresis=relay.hysteresis > 0,
+    )
+    ultimate = seen.ultimate(ultimate_gain(amplitudes[wired.output], relay.amplitude))
     return Cycle(
         period=end - start,
         switchings=count,
         amplitudes=amplitudes,
+        phase=seen.phase,
         ultimate=ultimate,
+        remark=seen.remark,
         cross_gains=tuple(
             ultimate_gain(amplitude, relay.amplitude) if amplitude else None
             for amplitude in amplitudes
         ),
-        harmonics=harmonics(
-            trajectory,
-            [place.at for place in closed.outputs],
-            closed.inputs[wired.input].at,
-            start,
-            end,
-        ),
-        settings=settings(ultimate, float(np.sign(relay.amplitude))) if count == 2 else None,
+        harmonics=measured,
+        settings=None if ultimate is None else settings(ultimate, sign),
     )
+
+
+def _unevenness(times: NDArray[np.float64]) -> float:
+    """Return by how much the last two intervals differ, over their sum."""
+    first, second = np.diff(times)[-2:]
+    return float(abs(first - second) / (first + second))
 
 
 def _theory(experiment: RelayExperiment, loop: RelayLoop) -> Theory:

@@ -196,15 +196,26 @@ class LimitCycle(BaseModel):
         description="Its period.", examples=[0.666], json_schema_extra={"x-unit": "time"}
     )
     switchings: int = Field(
-        description="Switchings in a period; with more than two the gains mean nothing.",
+        description="Switchings in a period; with more than two there is no ultimate point.",
         examples=[2],
     )
     amplitudes: Series = Field(
         description="Half the range of each output.", examples=[[0.0707, 0.0707]]
     )
-    ultimate: UltimatePoint = Field(
-        description="By the describing function: K_u = 4 d/(pi a).",
+    phase: float = Field(
+        description="Of the process that the relay sees, at the cycle's frequency, its static sign "
+        "turned to plus; -pi at the ultimate point.",
+        examples=[-2.98],
+        json_schema_extra={"x-unit": "rad"},
+    )
+    ultimate: UltimatePoint | None = Field(
+        description="By the describing function: K_u = 4 d/(pi a). Null where the cycle is not at "
+        "the ultimate point, by its phase (more than 20 degrees off) or its switchings.",
         examples=[{"gain": 18.0, "omega": 9.44}],
+    )
+    remark: str | None = Field(
+        description="What keeps the cycle from the ultimate point; null: nothing does.",
+        examples=["The phase at this frequency is -2.98 rad, not quite -pi: ..."],
     )
     cross_gains: Series = Field(
         description="4 d/(pi a) for every output; null where it rests.", examples=[[18.0, 18.0]]
@@ -214,7 +225,7 @@ class LimitCycle(BaseModel):
         examples=[[{"gain": 0.0558, "phase": -2.98}]],
     )
     settings: RuleSettings | None = Field(
-        description="PI settings; null where the period has more than two switchings.",
+        description="PI settings; null without an ultimate point.",
         examples=[None],
     )
 

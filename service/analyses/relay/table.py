@@ -9,7 +9,7 @@ from service.analyses.relay.models import (
     RelayExperimentResult,
     RelayTheory,
 )
-from service.printing import Grid, Line, Part
+from service.printing import Grid, Line, Part, warning_lines
 from service.wording import number
 
 __all__ = ["table"]
@@ -59,7 +59,9 @@ def _cycle(cycle: LimitCycle) -> list[Part]:
         Line(f"Period {number(cycle.period)}, {cycle.switchings} switchings in it."),
         Grid(("output", "amplitude", "cross gain"), rows),
     ]
-    if cycle.settings is not None:
+    if cycle.remark is not None:
+        parts += warning_lines([cycle.remark])
+    if cycle.settings is not None and cycle.ultimate is not None:
         point = cycle.ultimate
         rules = [
             (name, number(loop.gain), number(loop.integral_time))

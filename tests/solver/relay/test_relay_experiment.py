@@ -44,9 +44,12 @@ def test_first_order_with_dead_time_has_the_known_period(hysteresis: float, sign
     assert cycle is not None
     assert cycle.period == pytest.approx(2 * half_period, rel=1e-8)
     assert cycle.amplitudes[0] == pytest.approx(peak, rel=1e-8)
-    assert cycle.ultimate.gain == pytest.approx(4 * d / (np.pi * peak), rel=1e-8)
-    assert cycle.settings is not None
-    assert np.sign(cycle.settings.ziegler_nichols.gain) == sign
+    assert cycle.cross_gains[0] == pytest.approx(4 * d / (np.pi * peak), rel=1e-8)
+    # Hysteresis of a third of the amplitude takes the cycle too far from the ultimate point.
+    assert (cycle.ultimate is None) is (hysteresis > 0)
+    assert (cycle.settings is None) is (hysteresis > 0)
+    if cycle.settings is not None:
+        assert np.sign(cycle.settings.ziegler_nichols.gain) == sign
     # Among the solutions of Tsypkin's locus is the one that the simulation finds.
     found = [s.half_period for s in outcome.theory.solutions if s.exists]
     assert min(abs(h - half_period) for h in found) < 1e-3 * half_period
@@ -293,3 +296,86 @@ def test_a_load_step_biases_the_oscillation() -> None:
         up, down = down, up
     # The mean of the output is small beside the load: the relay's mean is nearly minus the load.
     assert abs(up - down) / (up + down) == pytest.approx(0.3, abs=0.1)
+
+
+def test_phase_is_that_of_the_process() -> None:
+    """The phase reported is the frequency response's, for either sign of the gain."""
+    process = TransferFunction([-3.0], [2.0, 3.0, 1.0], 0.5)
+    cycle = alone(process, Relay(-1.0, 0.05), 60.0).cycle
+    assert cycle is not None
+    response = -complex(process(2j * np.pi / cycle.period))
+    assert cycle.phase == pytest.approx(np.angle(response) % (2 * np.pi) - 2 * np.pi, abs=1e-6)
+
+
+def test_hysteresis_that_hides_the_ultimate_point_is_said() -> None:
+    """2 e^(-8s)/(120s + 1) with hysteresis 20: phase -1.57, so no ultimate gain, no settings."""
+    outcome = alone(TransferFunction([2.0], [120, 1], 8), Relay(50, 20), 3000)
+    cycle = outcome.cycle
+    assert cycle is not None
+    assert cycle.phase == pytest.approx(-1.83, abs=0.3)
+    assert cycle.ultimate is None
+    assert cycle.settings is None
+    assert cycle.remark is not None
+    assert "No ultimate gain" in cycle.remark
+    assert "Less hysteresis" in cycle.remark
+    assert outcome.theory.ultimate is not None
+    assert outcome.theory.ultimate.gain == pytest.approx(12.10, abs=0.01)
+    assert outcome.theory.ultimate.omega == pytest.approx(0.2015, abs=1e-4)
+
+
+def test_process_without_ultimate_point_gets_none() -> None:
+    """A first-order lag oscillates under hysteresis, but at no gain in a loop."""
+    outcome = alone(TransferFunction([2.0], [10, 1]), Relay(1.0, 0.02), 10.0)
+    assert outcome.behaviour is Behaviour.LIMIT_CYCLE
+    assert outcome.cycle is not None
+    assert outcome.cycle.ultimate is None
+    assert outcome.cycle.settings is None
+    assert outcome.theory.ultimate is None
+
+
+def test_static_load_makes_the_cycle_uneven_and_is_said() -> None:
+    """A load of half the relay's amplitude: the gain comes from the harmonics, with a remark."""
+    process = TransferFunction([1.0], [1, 3, 3, 1])
+    even = alone(process, Relay(1.0, 1e-4), 100.0).cycle
+    plant = MatrixPlant([[process]])
+    load = (Step(StepKind.LOAD, 0, 0.0, 0.5),)
+    uneven = relay_experiment(
+        RelayExperiment(plant, 0, 0, Relay(1.0, 1e-4), (), 200.0, steps=load)
+    ).cycle
+    assert even is not None
+    assert even.ultimate is not None
+    assert even.ultimate.gain == pytest.approx(8, rel=0.05)
+    assert even.remark is None
+    assert uneven is not None
+    assert uneven.remark is not None
+    assert "half periods are unequal" in uneven.remark
+    response = complex(process(2j * np.pi / uneven.period))
+    if uneven.ultimate is None:
+        assert abs(np.angle(-response)) > np.radians(20)
+    else:
+        assert uneven.ultimate.gain == pytest.approx(1 / abs(response), rel=1e-5)
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1e6])
+def test_units_change_nothing(unit: float) -> None:
+    """Period, phase and gains follow the units of time, output and input."""
+
+    def run(time: float, of_output: float, of_input: float) -> RelayOutcome:
+        process = TransferFunction(
+            [2 * of_output / of_input], [3 * time**2, 4 * time, 1], 0.5 * time
+        )
+        return alone(process, Relay(of_input, 0.01 * of_output), 40.0 * time)
+
+    reference = run(1, 1, 1).cycle
+    assert reference is not None
+    assert reference.ultimate is not None
+    for time, of_output, of_input in ((min(unit, 1e5), 1, 1), (1, unit, 1), (1, 1, unit)):
+        outcome = run(time, of_output, of_input)
+        cycle = outcome.cycle
+        assert cycle is not None
+        assert cycle.ultimate is not None
+        assert cycle.period / time == pytest.approx(reference.period, rel=1e-9)
+        assert cycle.phase == pytest.approx(reference.phase, rel=1e-9)
+        gain = cycle.ultimate.gain * of_output / of_input
+        assert gain == pytest.approx(reference.ultimate.gain, rel=1e-9)
+        assert outcome.theory.ultimate is not None

@@ -1,0 +1,99 @@
+"""Whether a limit cycle is at the ultimate point, by the phase that the process has there.
+
+4 d/(pi a) is the gain at which the process would oscillate only if its phase at the cycle's
+frequency is -pi. Hysteresis makes the relay lag by arcsin(eps/a), so the process lags by as much
+less; a static load makes the half periods unequal. The first harmonic over that of the relay
+is the frequency response itself, so the phase is known.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from solver.relay.describing_function import Ultimate
+
+__all__ = ["SeenCycle"]
+
+# Johansson (1993) and others use cycles up to 11 degrees off; at 20 the gain of a process of
+# relative degree one is off by a third or so, as much as the rules of thumb forgive.
+FARTHEST = math.radians(20)
+_WORTH_A_WORD = math.radians(6)
+_UNEVEN = 0.05  # of the period, by which the two half periods differ
+
+
+@dataclass(frozen=True)
+class SeenCycle:
+    """What the experiment measured of the process that the relay sees.
+
+    Parameters
+    ----------
+    omega : float
+        2 pi/T, rad per time unit.
+    gain, phase : float
+        Frequency response there, its static sign turned to plus; phase in rad, -2 pi..0.
+    switchings : int
+        In a period.
+    unevenness : float
+        Difference of the half periods over the period.
+    hysteresis : bool
+        Whether the relay has one.
+
+    """
+
+    omega: float
+    gain: float
+    phase: float
+    switchings: int
+    unevenness: float
+    hysteresis: bool
+
+    @property
+    def off(self) -> float:
+        """Return the phase over -pi, rad."""
+        return self.phase + math.pi
+
+    @property
+    def at_ultimate_point(self) -> bool:
+        """Whether the cycle may stand for the ultimate point."""
+        return self.switchings == 2 and abs(self.off) <= FARTHEST
+
+    def ultimate(self, described: float) -> Ultimate | None:
+        """Return the ultimate point, `described` its gain for half periods that are equal.
+
+        Of an uneven cycle the amplitudes hold a mean; then the first harmonic counts.
+        """
+        if not self.at_ultimate_point:
+            return None
+        even = self.unevenness <= _UNEVEN
+        return Ultimate(described if even else 1 / self.gain, self.omega)
+
+    @property
+    def remark(self) -> str | None:
+        """What keeps the cycle from the ultimate point; None where nothing does."""
+        if self.switchings > 2:
+            return (
+                f"{self.switchings} switchings in a period: several oscillations at once, no "
+                "ultimate point and no settings."
+            )
+        parts = []
+        if not self.at_ultimate_point:
+            parts.append(
+                f"No ultimate gain: the phase of the process at this frequency is {self.phase:.3g} "
+                f"rad, not -pi. The experiment tells its response there, gain {self.gain:.4g} at "
+                f"{self.omega:.4g} rad per time unit, and no settings."
+            )
+        elif abs(self.off) > _WORTH_A_WORD:
+            side = "higher" if self.off > 0 else "lower"
+            parts.append(
+                f"The phase at this frequency is {self.phase:.3g} rad, not quite -pi: the ultimate "
+                f"frequency lies {side}, and as a rule the ultimate gain does."
+            )
+        if parts and self.hysteresis and self.off > 0:
+            parts.append("Less hysteresis or more amplitude comes nearer.")
+        if self.unevenness > _UNEVEN:
+            parts.append(
+                "The half periods are unequal: a load pushes the output to one side. Start where "
+                "the process is at rest, or add a bias to the relay."
+            )
+        return " ".join(parts) or None
