@@ -9,12 +9,13 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, JsonValue
 
+import solver.model.controllers
 from service.analysis import Analysis, Figures
 from service.printing import Grid, Line, Part, matrix, warning_lines
 from service.schemas.controllers import ParallelForm
 from service.schemas.drawn import Complex, DrawnDecoupling
 from service.schemas.encoding import encode
-from service.schemas.fields import AnalysisRequest, RequestModel, below
+from service.schemas.fields import AnalysisRequest, Gain, RequestModel, below
 from service.schemas.frequencies import Frequencies, ascending
 from service.schemas.peaks import Peak
 from service.schemas.plants import Plant
@@ -22,6 +23,7 @@ from service.wording import number
 from solver.interaction.decoupling import DecouplingSpecification
 from solver.interaction.loop_shape import RobustnessLimits
 from solver.model.plants import MAX_MATRIX_SIZE
+from solver.model.transfer_function import LARGEST
 
 __all__ = ["ANALYSIS", "DecouplingRequest", "DecouplingResult"]
 
@@ -46,6 +48,7 @@ EXAMPLE: dict[str, JsonValue] = {
     "set_point_weights": [0.0, 0.0],
 }
 
+PositiveGain = Annotated[float, Field(gt=0, le=LARGEST, json_schema_extra={"x-unit": "gain"})]
 PeakLimit = Annotated[float, Field(gt=1, le=1e3, json_schema_extra={"x-unit": "1"})]
 Weight = Annotated[float, Field(ge=0, le=1, json_schema_extra={"x-unit": "1"})]
 Index = Annotated[float, Field(gt=0, le=1e6, json_schema_extra={"x-unit": "1"})]
@@ -64,6 +67,17 @@ class DesignLimits(RequestModel):
         return RobustnessLimits(self.max_sensitivity, self.max_complementary)
 
 
+class OwnGains(RequestModel):
+    """Own PI settings of a decoupled loop, K_p + K_i/s."""
+
+    proportional_gain: Gain = Field(description="K_p.", examples=[0.2975])
+    integral_gain: PositiveGain = Field(description="K_i.", examples=[0.342])
+
+    def build(self) -> solver.model.controllers.ParallelForm:
+        """Return the solver's form."""
+        return solver.model.controllers.ParallelForm(self.proportional_gain, self.integral_gain)
+
+
 class DecouplingRequest(AnalysisRequest):
     """Ask for a static decoupler and PI settings of the decoupled loops."""
 
@@ -76,7 +90,7 @@ class DecouplingRequest(AnalysisRequest):
     )
     max_index: Index | None = Field(
         default=None,
-        description="Interaction index that no loop may exceed; null: no detuning.",
+        description="Peak of |h_ij| off the diagonal that no loop may exceed; null: no detuning.",
         examples=[None, 1.0],
     )
     set_point_weights: (
@@ -90,6 +104,13 @@ class DecouplingRequest(AnalysisRequest):
         default=None,
         description="Frequencies of the responses, ascending; null: chosen from the plant.",
         examples=[None, [0.01, 0.1, 1.0]],
+    )
+    gains: (
+        Annotated[tuple[OwnGains, ...], Field(min_length=1, max_length=MAX_MATRIX_SIZE)] | None
+    ) = Field(
+        default=None,
+        description="Own settings, one a loop, to be analysed as they are; null: designed.",
+        examples=[None, [{"proportional_gain": 0.2975, "integral_gain": 0.342}] * 2],
     )
 
     model_config = ConfigDict(json_schema_extra={"examples": [EXAMPLE]})
@@ -108,16 +129,21 @@ class DecouplingRequest(AnalysisRequest):
         with below("/limits"):
             limits = self.limits.build()
         return DecouplingSpecification(
-            plant, limits, self.max_index, self.set_point_weights, ascending(self.omega)
+            plant,
+            limits,
+            self.max_index,
+            self.set_point_weights,
+            ascending(self.omega),
+            None if self.gains is None else tuple(gains.build() for gains in self.gains),
         )
 
 
 class PIDesign(BaseModel):
     """PI settings of a decoupled loop."""
 
-    status: Literal["optimal", "detuned", "unbounded"] = Field(
+    status: Literal["optimal", "detuned", "unbounded", "given"] = Field(
         description="optimal: greatest integral gain. detuned: reduced to keep max_index. "
-        "unbounded: the model has no finite optimum; give max_index.",
+        "unbounded: the model has no finite optimum; give max_index. given: own settings.",
         examples=["optimal"],
     )
     gains: ParallelForm | None = Field(

@@ -21,7 +21,7 @@ from service.schemas.drawn import DrawnRobustness
 from service.schemas.encoding import encode
 from service.schemas.fields import Frequency, ResultModel
 from service.schemas.given_loops import EXAMPLE, GivenLoops
-from service.schemas.margins import LoopMargins
+from service.schemas.margins import Bandwidths, LoopMargins
 from service.schemas.peaks import PEAK_EXAMPLE, Curves, Guarantee, Peak, Peaks
 from service.schemas.worst_case import WorstCase
 from service.wording import number, units_text
@@ -151,6 +151,12 @@ class RobustnessResult(ResultModel):
     margins: list[LoopMargins] = Field(
         description="Stability margins, an entry for each different loop.", examples=[[]]
     )
+    bandwidths: Bandwidths | None = Field(
+        default=None,
+        description="How fast the loops are alone, and the slowest and fastest direction of all "
+        "together; null: unstable.",
+        examples=[{"alone": 0.392, "worst_direction": 0.019, "best_direction": 0.768}],
+    )
     certificate: dict[str, Any] | None = Field(
         description="Proof for all frequencies.", examples=[None]
     )
@@ -198,6 +204,14 @@ def table(result: RobustnessResult) -> list[Part]:
     parts += proof_lines(result.certificate)
     if result.margins:
         parts.append(_margins(result.margins))
+    if result.bandwidths is not None:
+        found = result.bandwidths
+        rows = [
+            ("slowest loop alone", number(found.alone)),
+            ("worst direction, all closed", number(found.worst_direction)),
+            ("best direction, all closed", number(found.best_direction)),
+        ]
+        parts.append(Grid(("bandwidth (rad/time)", ""), rows))
     return [*parts, *warning_lines(result.warnings)]
 
 

@@ -260,6 +260,33 @@ class SetPointMeasures(BaseModel):
     )
 
 
+class EventMeasures(BaseModel):
+    """Measures of a closed loop from one event on any unit to the next."""
+
+    start: float = Field(
+        description="The event.", examples=[0.0], json_schema_extra={"x-unit": "time"}
+    )
+    end: float = Field(
+        description="The next one, or the end.",
+        examples=[300.0],
+        json_schema_extra={"x-unit": "time"},
+    )
+    change: float = Field(description="Of the loop's own set point; 0: none.", examples=[1.0])
+    set_point: SetPointMeasures | None = Field(
+        description="The response to that change; null: there is none.", examples=[None]
+    )
+    error_before: float | None = Field(
+        description="Set point minus output right before the event.", examples=[0.0]
+    )
+    error_after: float | None = Field(description="The same right after it.", examples=[1.0])
+    largest_error: float | None = Field(description="Largest |error| after it.", examples=[1.0])
+    absolute_error: float | None = Field(description="Integral of |error|.", examples=[15.3])
+    input_variation: float | None = Field(
+        description="Total variation of the input, the jump at the event included.",
+        examples=[114.4],
+    )
+
+
 _SET_POINT: JsonValue = {"rise_time": 8.62, "settling_time": 78.1, "overshoot": 0.19}
 
 
@@ -269,6 +296,10 @@ class Measures(BaseModel):
     set_point: SetPointMeasures | None = Field(
         description="Of its first set-point change; null: there is none, or the loop is open.",
         examples=[_SET_POINT],
+    )
+    events: list[EventMeasures] = Field(
+        description="From each event to the next, the first hundred; empty for an open loop.",
+        examples=[[]],
     )
     absolute_error: float | None = Field(
         description="Integral of |error| (IAE); null for an open loop.", examples=[15.3]
@@ -298,6 +329,7 @@ class UnitTraces(BaseModel):
         examples=[
             {
                 "set_point": _SET_POINT,
+                "events": [],
                 "absolute_error": 15.3,
                 "squared_error": 8.6,
                 "largest_error": 1.22,
@@ -347,7 +379,24 @@ def table(result: StepResponseResult) -> list[Part]:
         )
         rows.append((units_text(response.units), *(number(value, 4) for value in values)))
     headline = _ENDS[result.end].format(number(result.time[-1]))
-    return [Line(headline, "strong"), Grid(_HEADS, rows)]
+    parts: list[Part] = [Line(headline, "strong"), Grid(_HEADS, rows)]
+    later = [
+        (
+            units_text(response.units),
+            number(event.start, 4),
+            number(event.change, 4),
+            number(event.set_point.rise_time, 4),
+            number(event.set_point.settling_time, 4),
+            number(event.set_point.overshoot, 4),
+        )
+        for response in result.responses
+        for event in response.metrics.events
+        if event.set_point is not None and event.set_point != response.metrics.set_point
+    ]
+    if later:
+        heads = ("units", "later change at", "by", "rise", "settling", "overshoot")
+        parts.append(Grid(heads, later))
+    return parts
 
 
 def draw(result: DrawnStepResponse, unit: str) -> dict[str, Any]:

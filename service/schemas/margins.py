@@ -7,7 +7,7 @@ from pydantic import Field, JsonValue
 from service.schemas.fields import ResultModel
 from service.schemas.peaks import Peak
 
-__all__ = ["LoopMargins", "Margins"]
+__all__ = ["Bandwidths", "LoopMargins", "Margins"]
 
 _MARGINS: JsonValue = {
     "gain_increase": 3.39,
@@ -51,7 +51,8 @@ class Margins(ResultModel):
         description="Mt, the peak of |L/(1+L)|.", examples=[{"value": 1.0, "omega": 1e-8}]
     )
     bandwidth: float | None = Field(
-        description="Where |1/(1+L)| first reaches 0.707, rad per time unit; null: never.",
+        description="Where |1/(1+L)| first reaches 0.707, rad per time unit; null: never. What "
+        "this loop sees of itself; how fast the plant follows is in bandwidths.",
         examples=[0.335],
         json_schema_extra={"x-unit": "rad/time"},
     )
@@ -72,4 +73,25 @@ class LoopMargins(ResultModel):
     together: Margins | None = Field(
         description="All other loops closed, this one broken at its controller's output.",
         examples=[_MARGINS],
+    )
+
+
+class Bandwidths(ResultModel):
+    """Where sensitivities first reach 0.707 from below; null: never, 0: always above."""
+
+    alone: float | None = Field(
+        description="Of the slowest loop, each with all others open; null: one is unstable alone.",
+        examples=[0.392],
+        json_schema_extra={"x-unit": "rad/time"},
+    )
+    worst_direction: float | None = Field(
+        description="Of the largest singular value of (I + G C)^-1, all loops closed: the "
+        "direction that is followed slowest.",
+        examples=[0.019],
+        json_schema_extra={"x-unit": "rad/time"},
+    )
+    best_direction: float | None = Field(
+        description="Of the smallest singular value: the direction that is followed fastest.",
+        examples=[0.768],
+        json_schema_extra={"x-unit": "rad/time"},
     )

@@ -75,3 +75,16 @@ def test_fault_is_named_by_its_pointer(
     response = client.post(PATH, json=request)
     assert response.status_code == 422
     assert response.json()["errors"][0]["pointer"] == blamed
+
+
+def test_own_settings_are_analysed(client: httpx.Client) -> None:
+    """Given gains come back with their peaks, status given; a sign that is wrong is refused."""
+    own = [{"proportional_gain": 0.2975, "integral_gain": 0.342}] * 2
+    request = {**altered(ROSENBROCK, "/max_index", None), "gains": own}
+    result = DecouplingResult.model_validate(client.post(PATH, json=request).json())
+    assert [loop.status for loop in result.loops] == ["given", "given"]
+    assert result.closed_loop is not None
+    wrong = {**request, "gains": [own[0], {"proportional_gain": 1.0, "integral_gain": -1.0}]}
+    problem = client.post(PATH, json=wrong)
+    assert problem.status_code == 422
+    assert "/gains/1/integral_gain" in problem.text

@@ -234,3 +234,13 @@ def test_shown_requests_are_valid(file: str) -> None:
     if file.endswith(".md"):
         text = text.split("```json\n")[1].split("```")[0]
     parse(StepResponseRequest, text).build()
+
+
+def test_every_event_is_measured(client: httpx.Client) -> None:
+    """Two moments give two events for each loop, the load without a set-point change."""
+    result = simulated(client, REQUEST)
+    for response in result.responses:
+        first, second = response.metrics.events
+        assert first.set_point == response.metrics.set_point
+        assert (first.end, second.change) == (second.start, 0.0)
+        assert second.set_point is None

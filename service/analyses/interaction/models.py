@@ -137,6 +137,7 @@ _PAIRING: JsonValue = {
     "admissible": True,
     "within_band": False,
     "distance": 2.2,
+    "integral_controllability": "guaranteed",
 }
 
 
@@ -164,6 +165,11 @@ class Pairing(BaseModel):
         description="Sum of |ln| of the relative gains: 0 without interaction; above 1000 with "
         "one that is not positive.",
         examples=[2.2],
+    )
+    integral_controllability: Literal["guaranteed", "impossible", "undecided"] | None = Field(
+        description="Whether loops so paired may be detuned or switched off one by one; null: the "
+        "plant is not stable, or enough better pairings passed.",
+        examples=["guaranteed"],
     )
 
 
@@ -194,6 +200,11 @@ class Zero(BaseModel):
         description="Greatest bandwidth, rad per time unit, for a peak of the sensitivity of 2.",
         examples=[0.5],
     )
+    near_cancellation: bool = Field(
+        description="Whether it exists by rounding only: it is gone when poles of the elements "
+        "that differ by less than a per cent are equal.",
+        examples=[False],
+    )
 
 
 _ZERO: JsonValue = {
@@ -202,6 +213,7 @@ _ZERO: JsonValue = {
     "direction": "plant",
     "right_half_plane": True,
     "bandwidth_limit": 0.5,
+    "near_cancellation": False,
 }
 
 
@@ -220,6 +232,28 @@ class TransmissionZeros(BaseModel):
     )
     searched_radius: float | None = Field(
         description="Rad per time unit; null for the exact method.", examples=[None]
+    )
+
+
+class LoopLimit(BaseModel):
+    """What right-half-plane zeros of its own element forbid a loop alone."""
+
+    units: list[int] = Field(description="Loops with this element, from 0.", examples=[[0, 1]])
+    zeros: list[Complex] = Field(
+        description="The zeros, rad per time unit.", examples=[[{"re": 1.0, "im": 0.0}]]
+    )
+    alone: float = Field(
+        description="Greatest bandwidth of the loop alone, for a peak of its sensitivity of 2.",
+        examples=[0.5],
+        json_schema_extra={"x-unit": "rad/time"},
+    )
+    together: float | None = Field(
+        description="The limit of all loops together; null: zeros do not limit them.",
+        examples=[None],
+        json_schema_extra={"x-unit": "rad/time"},
+    )
+    text: str = Field(
+        description="The same in words.", examples=["Loops 1, 2 alone: limited to 0.5 ..."]
     )
 
 
@@ -365,7 +399,9 @@ class InteractionResult(BaseModel):
         examples=[{"pairings": [_PAIRING], "examined": 2, "exhaustive": True}],
     )
     recommended: Pairing | None = Field(
-        description="The best admissible pairing.", examples=[_PAIRING]
+        description="The best pairing whose loops may be detuned or switched off one by one, as "
+        "far as is known; null: none of those examined.",
+        examples=[_PAIRING],
     )
     integral_controllability: IntegralControllability | None = Field(
         description="Null for plants that are not stable.",
@@ -386,6 +422,9 @@ class InteractionResult(BaseModel):
         examples=[
             {"zeros": [_ZERO], "method": "exact", "degenerate": False, "searched_radius": None}
         ],
+    )
+    loop_limits: list[LoopLimit] = Field(
+        description="What zeros of its own element forbid a loop alone.", examples=[[]]
     )
     effects: list[StaticEffect] = Field(
         description="What the gain of each loop does to each other one.", examples=[[]]

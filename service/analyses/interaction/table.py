@@ -15,9 +15,17 @@ from service.wording import number
 __all__ = ["table"]
 
 _SIGNS = {
-    "none": "No interaction.",
+    "none": "Hardly any interaction: each loop keeps its gain when the others close.",
     "positive": "Positive interaction: the loops help each other.",
     "negative": "Negative interaction: the loops fight each other.",
+}
+_DETUNABLE = {
+    "guaranteed": "As numbered, some integral controllers stay stable with any gains reduced or "
+    "loops opened: guaranteed.",
+    "impossible": "As numbered, no integral controllers stay stable with any gains reduced or "
+    "loops opened.",
+    "undecided": "As numbered, whether integral controllers can stay stable with any gains reduced "
+    "or loops opened is not decided.",
 }
 _SHOWN = 5  # pairings worth a line; the others are in the JSON result
 
@@ -34,10 +42,9 @@ def table(result: InteractionResult) -> list[Part]:
     if result.ranking is not None:
         parts.append(_pairings(result.ranking))
     if result.recommended is None:
-        parts.append(Line("No pairing is admissible."))
+        parts.append(Line("No pairing is recommended."))
     if result.integral_controllability is not None:
-        verdict = result.integral_controllability.verdict
-        parts.append(Line(f"Decentralised integral control with any gains reduced: {verdict}."))
+        parts.append(Line(_DETUNABLE[result.integral_controllability.verdict]))
     parts.append(_zeros(result.zeros))
     if result.effect is not None:
         parts += _effect(result.effect)
@@ -71,10 +78,11 @@ def _pairings(ranking: PairingRanking) -> Grid:
                 ", ".join(map(number, gains)) + more,
                 number(pairing.niederlinski_index),
                 "yes" if pairing.admissible else "no",
+                pairing.integral_controllability or "not tested",
             )
         )
     heads = ("Inputs of outputs 1, 2, ...", "relative gains", "Niederlinski", "admissible")
-    return Grid(heads, rows)
+    return Grid((*heads, "detunable"), rows)
 
 
 def _zeros(zeros: TransmissionZeros) -> Part:
@@ -90,10 +98,11 @@ def _zeros(zeros: TransmissionZeros) -> Part:
             str(zero.multiplicity),
             zero.direction,
             number(zero.bandwidth_limit),
+            "rounding" if zero.near_cancellation else "",
         )
         for zero in zeros.zeros
     ]
-    return Grid(("Zero", "imaginary part", "times", "of", "bandwidth at most"), rows)
+    return Grid(("Zero", "imaginary part", "times", "of", "bandwidth at most", "exists by"), rows)
 
 
 def _effect(effect: LoopEffectResult) -> list[Part]:
