@@ -15,6 +15,7 @@ from solver.mu.kernel import (
     CONVERGED,
     LARGEST_STEP,
     MAX_ITERATIONS,
+    SHORT,
 )
 from solver.mu.lanes import (
     any_of,
@@ -294,7 +295,7 @@ def solve(layout, work, all_free, nu):
         new = _value(levels, centre, left, nu)
         fall = value - new
         enough = fall >= 0.1 * length * decrement - 1e-12 * magnitude(value)
-        good = enough & (left > 0.0) & (top < HUGE)
+        good = enough & (length > SHORT) & (left > 0.0) & (top < HUGE)
         failed = failed | (active & ~good)
         agrees = magnitude(2.0 * fall - decrement) < AGREEMENT * decrement
         others = 1.0 - nu * top / (centre - top)
@@ -303,7 +304,8 @@ def solve(layout, work, all_free, nu):
         converged = nu * decrement * ratio * ratio < CONVERGED
         finished = (length >= 1.0) & ((decrement < CENTRED_AT_END) | (converged & agrees & apart))
         active = active & good & ~finished
-        value, before = new, decrement
+        # Only whole steps converge quadratically.
+        value, before = new, pick(length >= 1.0, decrement, fill(TINY))
         if not any_of(active):
             break
     failed = failed | active

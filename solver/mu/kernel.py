@@ -128,7 +128,8 @@ def solve(factors, y, nu, ws):
         top, centre, value = new_top, new_centre, new
         others = 1.0 - nu * top / (centre - top)  # share of the dual; nu over their distance
         apart = others < min(0.1, nu / APART)
-        ratio, before = decrement / before, decrement
+        ratio = decrement / before
+        before = decrement if length == 1.0 else TINY  # only whole steps converge quadratically
         converged = nu == last_nu and nu * decrement * ratio * ratio < CONVERGED
         if length == 1.0 and (centred or (converged and agrees and apart)):
             break

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.optimize import linprog
 from zoo import COLUMN, SLH, interactions
 
 from solver.model.blocks import reduce
@@ -156,6 +157,21 @@ def excludes(w, a, b):
     """Whether the weighted sum of conditions b + a e >= 0 is negative over the box of e."""
     places = np.array(list(product((-1, 0, 1), repeat=a.shape[1])))
     return weighted(w, b[:, None] + a @ places.T, np.empty(len(places)))[0] < 0
+
+
+def test_weights_are_those_of_a_linear_program():
+    """The least value is the one that HiGHS finds, as the best of the worst conditions."""
+    rng = np.random.default_rng(4)
+    for _ in range(50):
+        size = int(rng.integers(2, 5))
+        a, b = rng.standard_normal((40, size)), rng.standard_normal(40)
+        w, e = least_weights(a, b)
+        best = linprog(
+            np.append(np.zeros(size), -1.0), np.column_stack([-a, np.ones(40)]), b,
+            bounds=[(-1, 1)] * size + [(None, None)],
+        ).x[-1]  # fmt: skip
+        assert w @ b + np.abs(w @ a).sum() == pytest.approx(best, abs=1e-8)
+        assert (b + a @ e).min() == pytest.approx(best, abs=1e-8)
 
 
 def test_conditions_with_a_common_point_are_never_excluded():
