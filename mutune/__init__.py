@@ -19,6 +19,8 @@ from solver import __version__
 
 if TYPE_CHECKING:
     from service.client import Client, JobEndedError, ServiceError, ServiceUnreachableError
+    from service.configuration import Configuration
+    from service.http.app import create_app
     from solver.certificate.reading import read_certificate
     from solver.certificate.record import Certificate, Claim, ProvenInterval
     from solver.certificate.search import CertificateFailure, Obstacle, certify
@@ -99,6 +101,7 @@ __all__ = [
     "Claim",
     "Client",
     "Comparison",
+    "Configuration",
     "Controller",
     "ControllerKind",
     "CooledReactors",
@@ -184,6 +187,7 @@ __all__ = [
     "analyse_interaction",
     "certify",
     "check",
+    "create_app",
     "decouple",
     "difficult_direction",
     "easy_direction",
@@ -211,6 +215,8 @@ __all__ = [
 # Where each name lives; a test holds it to the imports above.
 _HOMES = {
     "service.client": "Client JobEndedError ServiceError ServiceUnreachableError",
+    "service.configuration": "Configuration",
+    "service.http.app": "create_app",
     "solver.certificate.reading": "read_certificate",
     "solver.certificate.record": "Certificate Claim ProvenInterval",
     "solver.certificate.search": "CertificateFailure Obstacle certify",

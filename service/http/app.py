@@ -60,6 +60,11 @@ def create_app(configuration: Configuration | None = None) -> FastAPI:
     configuration : Configuration or None
         None: from the environment.
 
+    Raises
+    ------
+    pydantic.ValidationError
+        A variable of the environment has a value that it cannot have.
+
     """
     app = FastAPI(
         title="mutune",
