@@ -176,14 +176,17 @@ def real_array(values: object, field: str, *, ndim: int) -> NDArray[np.float64]:
         Ragged or of another number of axes, masked entries, entries that are no real numbers.
 
     """
+    if np.ma.is_masked(values):
+        message = "must be an array without masked entries"
+        raise InvalidInputError(message, field)
     try:
         found = np.asarray(values)
     except ValueError:
         message = "must be a rectangular array of real numbers"
         raise InvalidInputError(message, field) from None
-    if found.dtype.kind not in "iuf" or np.ma.is_masked(values):
+    if found.dtype.kind not in "iuf":
         # An empty list, or numbers such as Fraction, of which numpy makes an array of objects.
-        if found.dtype.kind != "O" or found.ndim != ndim or np.ma.is_masked(values):
+        if found.dtype.kind != "O" or found.ndim != ndim:
             message = f"must be an array of real numbers, not {_shown(values)}"
             raise InvalidInputError(message, field)
         flat = [
@@ -228,7 +231,8 @@ def frequencies(
         axis.
 
     """
-    given = omega if np.ndim(omega) else [omega]
+    single = isinstance(omega, Real) or (isinstance(omega, np.ndarray) and not omega.ndim)
+    given = [real(omega, field)] if single else omega
     found = real_array(given, field, ndim=1)
     if most is not None and not 1 <= found.size <= most:
         message = f"between 1 and {most} frequencies"
