@@ -62,7 +62,7 @@ if TYPE_CHECKING:
     from solver.robustness.analysis import analyse
     from solver.robustness.integrity import Detuning, Integrity, ServiceClass, integrity
     from solver.robustness.margins import LoopMargins, Margins, loop_margins
-    from solver.robustness.record import Curves, Peaks, Robustness
+    from solver.robustness.record import Curves, Guarantee, GuaranteeStatus, Peaks, Robustness
     from solver.robustness.worst_case import DiagonalPerturbation, RankOnePerturbation, WorstCase
     from solver.simulation.actuators import CoupledActuators, OwnActuators
     from solver.simulation.directions import difficult_direction, easy_direction
@@ -118,6 +118,8 @@ __all__ = [
     "DriveSimulation",
     "End",
     "Experiment",
+    "Guarantee",
+    "GuaranteeStatus",
     "IdealForm",
     "InfeasibleError",
     "Integrity",
@@ -245,7 +247,7 @@ _HOMES = {
     "solver.robustness.analysis": "analyse",
     "solver.robustness.integrity": "Detuning Integrity ServiceClass integrity",
     "solver.robustness.margins": "LoopMargins Margins loop_margins",
-    "solver.robustness.record": "Curves Peaks Robustness",
+    "solver.robustness.record": "Curves Guarantee GuaranteeStatus Peaks Robustness",
     "solver.robustness.worst_case": "DiagonalPerturbation RankOnePerturbation WorstCase",
     "solver.simulation.actuators": "CoupledActuators OwnActuators",
     "solver.simulation.directions": "difficult_direction easy_direction",

@@ -205,6 +205,9 @@ class StepResponseRequest(AnalysisRequest):
                 limits.append(None if limit is None else limit.build())
         if self.direction is not None:
             with below("/direction"):
+                if len(loops) == plant.n and None in loops:
+                    message = "a direction of set points needs every loop closed"
+                    raise InvalidInputError(message, "")
                 steps.extend(self.direction.build(plant))
         actuators, demand = None, None
         with below("/perturbation"):

@@ -61,7 +61,7 @@ class GuaranteeStatus(StrEnum):
 
 @dataclass(frozen=True)
 class Guarantee:
-    """What is known of mu over all frequencies: it stays at or below `level` if PROVEN.
+    """What is known of mu over all frequencies: `status`, at or below `level` if PROVEN.
 
     `reason` says why the question is open; None where it is proven.
     """

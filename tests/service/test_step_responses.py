@@ -189,6 +189,14 @@ def test_worst_case_needs_stable_closed_loops(
     assert response.json()["errors"][0]["pointer"] == "/perturbation/kind"
 
 
+def test_a_direction_needs_every_loop_closed(client: httpx.Client) -> None:
+    """An open loop has no set point to move along it."""
+    loops = [{"gain": 1.0, "integral_time": 10.0}, None]
+    response = client.post(PATH, json={**REQUEST, "loops": loops})
+    assert response.status_code == 422
+    assert response.json()["errors"][0]["pointer"] == "/direction"
+
+
 @pytest.mark.parametrize(
     ("step", "blamed"),
     [
