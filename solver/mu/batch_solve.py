@@ -15,6 +15,7 @@ from solver.mu.kernel import (
     CONVERGED,
     LARGEST_STEP,
     MAX_ITERATIONS,
+    NEAR,
     SHORT,
 )
 from solver.mu.lanes import (
@@ -301,7 +302,7 @@ def solve(layout, work, all_free, nu):
         others = 1.0 - nu * top / (centre - top)
         apart = others < min(0.1, nu / APART)
         ratio = decrement / before
-        converged = nu * decrement * ratio * ratio < CONVERGED
+        converged = (nu * decrement * ratio * ratio < CONVERGED) & (longest < NEAR)
         finished = (length >= 1.0) & ((decrement < CENTRED_AT_END) | (converged & agrees & apart))
         active = active & good & ~finished
         # Only whole steps converge quadratically.

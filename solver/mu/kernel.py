@@ -36,6 +36,7 @@ FALL = 0.01  # of nu, when it falls
 CENTRED = 0.05  # squared Newton decrement below which nu may fall
 CENTRED_AT_END = 1e-4  # and below which one last step squares it: the dual is right to 1e-4 then
 CONVERGED = 1e-12  # error of log level, foretold by quadratic convergence, at which to end early
+NEAR = 0.3  # if the step in log scale is no longer than that,
 AGREEMENT = 0.01  # if the value fell as the model said to this share,
 APART = 1e-4  # and the eigenvalues are relatively that far apart
 MAX_ITERATIONS = 60
@@ -131,7 +132,7 @@ def solve(factors, y, nu, ws):
         ratio = decrement / before
         before = decrement if length == 1.0 else TINY  # only whole steps converge quadratically
         converged = nu == last_nu and nu * decrement * ratio * ratio < CONVERGED
-        if length == 1.0 and (centred or (converged and agrees and apart)):
+        if length == 1.0 and (centred or (converged and longest < NEAR and agrees and apart)):
             break
     return -math.log(top), centre
 
