@@ -13,7 +13,7 @@ from service.analysis import Analysis, Figures
 from service.printing import Grid, Line, Part
 from service.schemas.drawn import Complex, DrawnParallelDrives
 from service.schemas.encoding import encode
-from service.schemas.fields import AnalysisRequest, PositiveTime, RequestModel, below
+from service.schemas.fields import WHOLE, AnalysisRequest, PositiveTime, RequestModel, below
 from service.schemas.plants import TransferFunction
 from service.wording import number
 from solver.interaction.drive_simulation import (
@@ -43,7 +43,7 @@ EXAMPLE: dict[str, JsonValue] = {
 DriveGain = Annotated[float, Field(ge=0, le=LARGEST, json_schema_extra={"x-unit": "gain"})]
 Share = Annotated[float, Field(ge=0, le=1, json_schema_extra={"x-unit": "1"})]
 Height = Annotated[float, Field(ge=-1e6, le=1e6, json_schema_extra={"x-unit": "signal"})]
-UnitIndex = Annotated[int, Field(ge=0, lt=MAX_DRIVES, json_schema_extra={"x-unit": "1"})]
+UnitIndex = Annotated[int, Field(ge=0, lt=MAX_DRIVES, json_schema_extra={"x-unit": "1"}), WHOLE]
 Numbers = list[float | None]
 
 
@@ -81,7 +81,7 @@ class Scenario(RequestModel):
     end: PositiveTime = Field(
         default=40.0, description="End of the simulation, after the pulse.", examples=[60.0]
     )
-    points: Annotated[int, Field(ge=10, le=MAX_POINTS)] = Field(
+    points: Annotated[int, Field(ge=10, le=MAX_POINTS), WHOLE] = Field(
         default=401,
         description="Points of the response.",
         examples=[401],

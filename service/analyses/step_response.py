@@ -19,6 +19,7 @@ from service.printing import Grid, Line, Part
 from service.schemas.drawn import DrawnStepResponse
 from service.schemas.encoding import encode
 from service.schemas.fields import (
+    WHOLE,
     AnalysisRequest,
     Coefficient,
     PositiveTime,
@@ -67,6 +68,8 @@ _ENDS = {
 }
 # Nine columns in 80 characters: four digits, short heads.
 _HEADS = ("unit", "rise", "settle", "over", "IAE", "ISE", "max |e|", "var u", "y end")
+
+Samples = Annotated[int, Field(ge=2, le=MAX_SAMPLES, json_schema_extra={"x-unit": "1"}), WHOLE]
 
 
 class SetPointDirection(RequestModel):
@@ -141,9 +144,9 @@ class StepResponseRequest(AnalysisRequest):
         default=None, description="Set-point steps of all units at once.", examples=[_DIRECTION]
     )
     duration: PositiveTime = Field(description="Time simulated.", examples=[200.0])
-    samples: Annotated[int, Field(ge=2, le=MAX_SAMPLES, json_schema_extra={"x-unit": "1"})] = Field(
-        default=501, description="Equidistant samples returned.", examples=[501]
-    )
+    samples: Annotated[
+        int, Field(ge=2, le=MAX_SAMPLES, json_schema_extra={"x-unit": "1"}), WHOLE
+    ] = Field(default=501, description="Equidistant samples returned.", examples=[501])
     perturbation: Perturbation | None = Field(
         default=None,
         description="What the inputs do instead of what they should; null: exactly that.",

@@ -8,7 +8,7 @@ from pydantic import BaseModel, Field
 
 import solver.model.controllers
 import solver.tuning.specification
-from service.schemas.fields import SMALLEST, Gain, PositiveTime, RequestModel
+from service.schemas.fields import SMALLEST, WHOLE, Gain, PositiveTime, RequestModel
 from solver.model.plants import MAX_UNITS
 
 __all__ = ["Bounds", "ControllerChoice", "IdealForm", "Loop", "ParallelForm"]
@@ -84,7 +84,7 @@ class Bounds(RequestModel):
         )
 
 
-GroupSize = Annotated[int, Field(ge=1, le=MAX_UNITS)]
+GroupSize = Annotated[int, Field(ge=1, le=MAX_UNITS), WHOLE]
 
 
 class ControllerChoice(RequestModel):

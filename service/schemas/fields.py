@@ -12,13 +12,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from solver.model.errors import InvalidInputError
 from solver.model.transfer_function import LARGEST, MAX_ORDER
 
 __all__ = [
     "SMALLEST",
+    "WHOLE",
     "AnalysisRequest",
     "Coefficients",
     "Frequency",
@@ -58,6 +59,13 @@ class ResultModel(BaseModel):
 
     model_config = ConfigDict(strict=True)
 
+
+def _whole(value: object) -> object:
+    return int(value) if isinstance(value, float) and value.is_integer() else value
+
+
+# A whole number, however it is written: JSON knows numbers only, and many writers print 2.0.
+WHOLE = BeforeValidator(_whole)
 
 SMALLEST = 1 / LARGEST  # so that quotients of any two such numbers are in range too
 

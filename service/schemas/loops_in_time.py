@@ -7,13 +7,13 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 import solver.simulation
-from service.schemas.fields import Gain, PositiveTime, RequestModel, Time
+from service.schemas.fields import WHOLE, Gain, PositiveTime, RequestModel, Time
 from solver.model.plants import MAX_UNITS
 from solver.model.transfer_function import LARGEST
 
 __all__ = ["InputLimits", "SimulatedLoop", "Size", "TimeStep", "Unit"]
 
-Unit = Annotated[int, Field(ge=0, lt=MAX_UNITS, json_schema_extra={"x-unit": "1"})]
+Unit = Annotated[int, Field(ge=0, lt=MAX_UNITS, json_schema_extra={"x-unit": "1"}), WHOLE]
 Weight = Annotated[float, Field(ge=0, le=1, json_schema_extra={"x-unit": "1"})]
 Size = Annotated[
     float, Field(ge=-LARGEST, le=LARGEST, json_schema_extra={"x-unit": "of the signal"})

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import difflib
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
 from service.schemas.tunings import TuningRequest
+
+if TYPE_CHECKING:
+    from pydantic_core import ErrorDetails
 
 __all__ = ["Fault", "RequestError", "canonical", "parse", "parse_tuning_request"]
 
@@ -22,6 +26,7 @@ _TAGS = {
     "perturbation": {"actuators", "coupled", "worst_case"},
 }
 _MAX_FAULTS = 20
+_MEANT = "no such field; did you mean "
 
 
 @dataclass(frozen=True)
@@ -67,11 +72,13 @@ def parse(model: type[_Model], text: bytes | str) -> _Model:
     try:
         return model.model_validate_json(text)
     except ValidationError as error:
-        details = error.errors(include_url=False, include_context=False, include_input=False)
-        faults = tuple(
-            Fault(_pointer(item["loc"], item["type"]), item["msg"])
-            for item in details[:_MAX_FAULTS]
-        )
+        details = error.errors(include_url=False, include_input=False)
+        faults = _once(
+            [
+                (item["type"], Fault(_pointer(item["loc"], item["type"]), _words(model, item)))
+                for item in details
+            ]
+        )[:_MAX_FAULTS]
         raise RequestError(
             faults, is_json=all(item["type"] != "json_invalid" for item in details)
         ) from None
@@ -92,6 +99,81 @@ def parse_tuning_request(text: bytes | str) -> TuningRequest:
 def canonical(request: BaseModel) -> str:
     """Return the request as JSON with sorted keys and all defaults: equal requests, equal text."""
     return json.dumps(request.model_dump(mode="json"), sort_keys=True, separators=(",", ":"))
+
+
+def _once(faults: list[tuple[str, Fault]]) -> tuple[Fault, ...]:
+    """Return each fault once.
+
+    A list that lost a faulty item is not too short besides, and a field whose name is misspelt is
+    not missing besides.
+    """
+    pointers = [fault.pointer for _, fault in faults]
+    meant = {
+        f"{fault.pointer.rsplit('/', 1)[0]}/{fault.detail.removeprefix(_MEANT).removesuffix('?')}"
+        for kind, fault in faults
+        if kind == "extra_forbidden"
+    }
+    return tuple(
+        fault
+        for kind, fault in faults
+        if not (kind == "missing" and fault.pointer in meant)
+        and not (
+            kind == "too_short"
+            and any(pointer.startswith(f"{fault.pointer}/") for pointer in pointers)
+        )
+    )
+
+
+def _words(model: type[BaseModel], item: ErrorDetails) -> str:
+    """Return what is wrong, with the name that was meant where one is near."""
+    if item["type"] == "too_short":
+        context = item.get("ctx", {})
+        least = context.get("min_length", 1)
+        return f"at least {least} {'entry' if least == 1 else 'entries'} needed"
+    if item["type"] != "extra_forbidden":
+        return item["msg"]
+    given = str(item["loc"][-1])
+    names = field_names(model.model_json_schema(), item["loc"][:-1])
+    # A field of another kind of plant is named rightly, and has no place here.
+    near = [] if given in names else difflib.get_close_matches(given, names, 1)
+    return f"{_MEANT}{near[0]}?" if near else "no such field"
+
+
+def field_names(schema: dict[str, Any], location: Sequence[int | str]) -> list[str]:
+    """Return the names of the fields that an object at `location` may have, all forms together.
+
+    Parameters
+    ----------
+    schema : dict
+        JSON schema of the whole.
+    location : sequence of int or str
+        Pydantic's location of the object, with the tags of unions.
+
+    """
+    places = _forms(schema, schema)
+    previous: int | str | None = None
+    for part in location:
+        if isinstance(previous, str) and part in _TAGS.get(previous, ()):
+            previous = None
+            continue
+        previous = part
+        inside = [
+            place["properties"][part]
+            for place in places
+            if part in place.get("properties", {})
+        ] if isinstance(part, str) else [
+            item for place in places for item in [place.get("items")] if isinstance(item, dict)
+        ]  # fmt: skip
+        places = [form for each in inside for form in _forms(each, schema)]
+    return sorted({name for place in places for name in place.get("properties", {})})
+
+
+def _forms(place: dict[str, Any], schema: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return the schemas that one stands for, references and unions resolved."""
+    if "$ref" in place:
+        return _forms(schema["$defs"][place["$ref"].rsplit("/", 1)[-1]], schema)
+    choices = [*place.get("anyOf", ()), *place.get("oneOf", ()), *place.get("allOf", ())]
+    return [place, *(form for choice in choices for form in _forms(choice, schema))]
 
 
 def _pointer(location: Sequence[int | str], kind: str) -> str:

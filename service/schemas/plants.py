@@ -8,7 +8,7 @@ from pydantic import Field
 
 import solver.model.plants
 import solver.model.transfer_function
-from service.schemas.fields import Coefficients, Gain, Ratio, RequestModel, Time, below
+from service.schemas.fields import WHOLE, Coefficients, Gain, Ratio, RequestModel, Time, below
 from solver.model.plants import MAX_MATRIX_SIZE, MAX_UNITS
 
 __all__ = ["FirstOrderPlant", "MatrixPlant", "ParallelPlant", "Plant", "TransferFunction"]
@@ -25,6 +25,7 @@ Units = Annotated[
         examples=[2],
         json_schema_extra={"x-unit": "1"},
     ),
+    WHOLE,
 ]
 
 

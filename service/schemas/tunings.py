@@ -9,10 +9,11 @@ from pydantic import ConfigDict, Field, JsonValue
 
 from service.schemas.controllers import ControllerChoice, Loop
 from service.schemas.encoding import encode
-from service.schemas.fields import RequestModel, ResultModel, below
+from service.schemas.fields import WHOLE, RequestModel, ResultModel, below
 from service.schemas.peaks import Curves, Peaks
 from service.schemas.plants import Plant
 from service.schemas.weights import Performance, Uncertainty
+from solver.model.open_loop import require_supported
 from solver.tuning.record import LocalOptimum, Tuning
 from solver.tuning.specification import (
     MAX_STARTS,
@@ -43,18 +44,20 @@ EXAMPLE: dict[str, JsonValue] = {
     "certificate": "none",
 }
 
+Starts = Annotated[int, Field(ge=1, le=MAX_STARTS, json_schema_extra={"x-unit": "1"}), WHOLE]
+
 
 class Search(RequestModel):
     """How hard to search."""
 
-    starts: Annotated[int, Field(ge=1, le=MAX_STARTS, json_schema_extra={"x-unit": "1"})] | None = (
-        Field(
-            default=None,
-            description="Starts of the search; null: until no further optimum is to be expected.",
-            examples=[None, 24],
-        )
+    starts: (
+        Annotated[int, Field(ge=1, le=MAX_STARTS, json_schema_extra={"x-unit": "1"}), WHOLE] | None
+    ) = Field(
+        default=None,
+        description="Starts of the search; null: until no further optimum is to be expected.",
+        examples=[None, 24],
     )
-    seed: Annotated[int, Field(ge=0, lt=2**63, json_schema_extra={"x-unit": "1"})] = Field(
+    seed: Annotated[int, Field(ge=0, lt=2**63, json_schema_extra={"x-unit": "1"}), WHOLE] = Field(
         default=0,
         description="The same request and seed give the same digits.",
         examples=[0],
@@ -122,6 +125,7 @@ class TuningRequest(RequestModel):
         """
         with below("/plant"):
             plant = self.plant.build()
+        require_supported(plant)
         with below("/uncertainty"):
             uncertainty = self.uncertainty.build()
         with below("/performance"):

@@ -13,8 +13,9 @@ import numpy as np
 
 from solver.model.frequencies import corners, finite_reach, resonances
 from solver.model.memory import batch_length
+from solver.model.open_loop import require_supported
 from solver.model.plants import ParallelPlant
-from solver.stability.closed_loop import INFINITELY_MANY, require_supported
+from solver.stability.closed_loop import INFINITELY_MANY
 from solver.stability.encirclements import Batch, count_unstable
 from solver.stability.neutral import direct_gain, neutral_gain
 from solver.stability.singular import matrix_origin_poles, parallel_origin_poles

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.model.blocks import group_loops
-from solver.model.errors import UnsupportedPlantError
 from solver.model.frequencies import corners, finite_reach, resonances
+from solver.model.open_loop import require_supported
 from solver.model.plants import ParallelPlant
 from solver.stability.encirclements import Batch, count_unstable
 from solver.stability.neutral import direct_gain, neutral_gain
@@ -34,39 +34,10 @@ __all__ = [
     "ClosedLoopPoles",
     "closed_loop_poles",
     "is_stable",
-    "require_supported",
     "unstable_poles",
 ]
 
 INFINITELY_MANY = 10**9  # closed-loop poles of an unstable loop of neutral type
-
-
-def require_supported(plant: Plant) -> None:
-    """Refuse plants that are open-loop unstable.
-
-    Raises
-    ------
-    UnsupportedPlantError
-        An element has a pole in the right half plane, or on the imaginary axis away from 0.
-        Poles at 0 (integrating processes) are fine.
-
-    """
-    for element in plant.elements:
-        poles = element.poles
-        away = poles[np.abs(poles) > 0]
-        # Roots of a polynomial with a double pole carry errors near sqrt(machine epsilon).
-        bad = away[away.real > -1e-9 * np.abs(away)]
-        if bad.size:
-            if isinstance(plant, ParallelPlant):
-                where = "/process/den" if element == plant.process else "/interaction/den"
-            else:
-                index = plant.elements.index(element)
-                where = f"/elements/{index // plant.n}/{index % plant.n}/den"
-            message = (
-                f"the plant is open-loop unstable (pole at {_text(bad[0])}); "
-                "stabilise it with an inner loop first"
-            )
-            raise UnsupportedPlantError(message, where)
 
 
 @dataclass(frozen=True)
@@ -176,9 +147,3 @@ def _loop_gain(
     G = blocks.response(omega)[index]
     c = np.stack([controller.response(omega) for controller in controllers], axis=-1)
     return G * c[:, None, list(blocks.blocks[index].channels)]
-
-
-def _text(pole: complex) -> str:
-    if pole.imag == 0:
-        return f"{pole.real:.6g}"
-    return f"{pole.real:.6g}{pole.imag:+.6g}j"

@@ -10,13 +10,14 @@ import numpy as np
 
 from solver.certificate.search import prove
 from solver.model.errors import InvalidInputError
+from solver.model.open_loop import require_supported
 from solver.model.plants import ParallelPlant
 from solver.model.remarks import plant_remarks
 from solver.model.transfer_function import LARGEST
 from solver.model.validation import instance
 from solver.robustness.curves import LoopAnalysis
 from solver.robustness.integrity import in_one_line
-from solver.stability.closed_loop import require_supported, unstable_poles
+from solver.stability.closed_loop import unstable_poles
 from solver.tuning.bounds import parameter_names
 from solver.tuning.feasibility import obstacle
 from solver.tuning.groupings import groupings, identical_groups

@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, JsonValue
 import solver.model.plants
 from service.schemas.controllers import Loop
 from service.schemas.drawn import Complex
-from service.schemas.fields import AnalysisRequest, Gain, RequestModel, below
+from service.schemas.fields import WHOLE, AnalysisRequest, Gain, RequestModel, below
 from service.schemas.frequencies import Frequencies, ascending
 from service.schemas.integral_controllability import IntegralControllability
 from service.schemas.plants import Plant
@@ -36,7 +36,7 @@ _EFFECT: JsonValue = {
 }
 EXAMPLE: dict[str, JsonValue] = {"plant": _ROSENBROCK, "effect": _EFFECT}
 
-LoopIndex = Annotated[int, Field(ge=0, lt=MAX_UNITS, json_schema_extra={"x-unit": "1"})]
+LoopIndex = Annotated[int, Field(ge=0, lt=MAX_UNITS, json_schema_extra={"x-unit": "1"}), WHOLE]
 Numbers = list[float | None]
 Matrix = list[Numbers]
 

@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, JsonValue
 import solver.relay
 from service.schemas.controllers import Loop
 from service.schemas.drawn import Complex
-from service.schemas.fields import AnalysisRequest, Gain, PositiveTime, RequestModel, below
+from service.schemas.fields import WHOLE, AnalysisRequest, Gain, PositiveTime, RequestModel, below
 from service.schemas.loops_in_time import SimulatedLoop, TimeStep, Unit
 from service.schemas.plants import Plant
 from solver.model.plants import MAX_UNITS
@@ -37,6 +37,8 @@ EXAMPLE: dict[str, JsonValue] = {
 }
 
 Level = Annotated[float, Field(ge=0, le=LARGEST, json_schema_extra={"x-unit": "of the outputs"})]
+
+Samples = Annotated[int, Field(ge=2, le=MAX_SAMPLES, json_schema_extra={"x-unit": "1"}), WHOLE]
 
 
 class RelaySettings(RequestModel):
@@ -97,9 +99,9 @@ class RelayExperimentRequest(AnalysisRequest):
         default=(), description="Disturbances meanwhile.", examples=[[]]
     )
     duration: PositiveTime = Field(description="Time simulated.", examples=[40.0])
-    samples: Annotated[int, Field(ge=2, le=MAX_SAMPLES, json_schema_extra={"x-unit": "1"})] = Field(
-        default=2001, description="Equidistant samples returned.", examples=[2001]
-    )
+    samples: Annotated[
+        int, Field(ge=2, le=MAX_SAMPLES, json_schema_extra={"x-unit": "1"}), WHOLE
+    ] = Field(default=2001, description="Equidistant samples returned.", examples=[2001])
 
     model_config = ConfigDict(json_schema_extra={"examples": [EXAMPLE]})
 

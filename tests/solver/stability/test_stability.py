@@ -131,4 +131,4 @@ def test_unstable_plants_are_refused(den):
     plant = ParallelPlant(2, TransferFunction([1], [1, 1]), TransferFunction([1], den))
     with pytest.raises(UnsupportedPlantError, match="open-loop unstable") as error:
         unstable_poles(plant, [Controller(1, 1)] * 2)
-    assert error.value.field == "/interaction/den"
+    assert error.value.field == "/plant/interaction/den"
