@@ -5,7 +5,8 @@ Return stability, the peaks and curves of mu, and a worst case, of given setting
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
@@ -31,6 +32,8 @@ from solver.model.errors import InvalidInputError
 __all__ = ["ANALYSIS", "RobustnessRequest", "RobustnessResult", "RobustnessTask"]
 
 MAX_FREQUENCIES = 10_000
+CLOSE = 0.05  # an error of the model that is soon made: said first
+SHOWN = 4  # parameters in the line; the result has all
 INFINITELY_MANY = 10**9  # solver.stability.closed_loop; not imported, for numba's sake
 
 
@@ -89,6 +92,29 @@ class RobustnessRequest(GivenLoops):
         )
 
 
+class ModelTolerance(ResultModel):
+    """Relative errors of one parameter of the model, alone, at which demand or stability is lost.
+
+    Down and up; null where none is up to five times the value, or minus three times.
+    """
+
+    parameter: Literal["gain", "time_constant", "dead_time", "interaction"] = Field(
+        description="What is wrong.", examples=["interaction"]
+    )
+    element: list[int] | None = Field(
+        description="Row and column, from 0, of a matrix plant's element; null: all together.",
+        examples=[None],
+    )
+    demand: list[float | None] | None = Field(
+        description="Where the demand on the sensitivity is lost, actuators exact; null where it "
+        "is not met at all.",
+        examples=[[-2.0, 0.011]],
+    )
+    stability: list[float | None] = Field(
+        description="Where nominal stability is lost.", examples=[[-2.04, 0.054]]
+    )
+
+
 class RobustnessResult(ResultModel):
     """Robustness of given loops; peaks and curves are null where the loops are unstable."""
 
@@ -137,6 +163,12 @@ class RobustnessResult(ResultModel):
             }
         ],
     )
+    model_tolerance: list[ModelTolerance] = Field(
+        default=[],
+        description="How wrong each parameter of the plant may be, alone: what the guarantee does "
+        "not cover.",
+        examples=[[]],
+    )
     lower_bound: Peak | None = Field(
         description="Lower bound of the robust performance peak.", examples=[PEAK_EXAMPLE]
     )
@@ -183,14 +215,8 @@ def compute(request: RobustnessRequest) -> dict[str, Any]:
 
 def table(result: RobustnessResult) -> list[Part]:
     """Return the analysis as lines and grids."""
-    parts: list[Part] = []
-    if result.nominally_stable:
-        parts.append(_demand(result))
-    else:
-        parts.append(Line(_unstable(result), "alarm"))
-    if result.stable_gain_factor is not None:
-        factor = number(result.stable_gain_factor)
-        parts.append(Line(f"Stable with all gains reduced to {factor} times these, and below."))
+    tolerance = _tolerance(result.model_tolerance)
+    parts: list[Part] = [*_verdict(result), *(line for line in tolerance if line.style != "plain")]
     if result.peaks is not None:
         parts.append(peaks_grid(result.peaks))
     if result.guarantee is not None and result.certificate is None:
@@ -202,6 +228,7 @@ def table(result: RobustnessResult) -> list[Part]:
         factor = number(result.uncertainty_scaling)
         parts.append(Line(f"All plants stay stable up to {factor} times the uncertainty."))
     parts += proof_lines(result.certificate)
+    parts += [line for line in tolerance if line.style == "plain"]
     if result.margins:
         parts.append(_margins(result.margins))
     if result.bandwidths is not None:
@@ -213,6 +240,17 @@ def table(result: RobustnessResult) -> list[Part]:
         ]
         parts.append(Grid(("bandwidth (rad/time)", ""), rows))
     return [*parts, *warning_lines(result.warnings)]
+
+
+def _verdict(result: RobustnessResult) -> Iterator[Line]:
+    """Yield what is to be read first."""
+    if result.nominally_stable:
+        yield _demand(result)
+    else:
+        yield Line(_unstable(result), "alarm")
+    if result.stable_gain_factor is not None:
+        factor = number(result.stable_gain_factor)
+        yield Line(f"Stable with all gains reduced to {factor} times these, and below.")
 
 
 def _demand(result: RobustnessResult) -> Line:
@@ -241,6 +279,38 @@ def _proven(guarantee: Guarantee) -> str:
     if guarantee.status == "proven":
         return f"Proven: mu is at most {number(guarantee.level)} at every frequency."
     return f"Not proven over all frequencies: {guarantee.reason}."
+
+
+def _least(tolerances: Sequence[ModelTolerance]) -> float:
+    """Return the smallest error at which anything is lost."""
+    sides = [each.demand or () for each in tolerances] + [each.stability for each in tolerances]
+    return min((abs(side) for pair in sides for side in pair if side is not None), default=math.inf)
+
+
+def _tolerance(tolerances: Sequence[ModelTolerance]) -> list[Line]:
+    """Say in one line how wrong the model may be, loudly where it may hardly be; or nothing."""
+    shown = sorted(tolerances, key=lambda each: _least([each]))[:SHOWN]
+    found = []
+    for each in shown:
+        name = each.parameter.replace("_", " ")
+        if each.element is not None:
+            name += f" of element {each.element[0] + 1},{each.element[1] + 1}"
+        stability = f"stability {_range(each.stability)}"
+        if each.demand is None:
+            found.append(f"{name}: {stability}")
+        else:
+            found.append(f"{name}: demand {_range(each.demand)}, {stability}")
+    if not found:
+        return []
+    text = f"The model may be wrong, one parameter alone, by: {'; '.join(found)}."
+    return [Line(text, "warning") if _least(tolerances) < CLOSE else Line(text)]
+
+
+def _range(sides: Sequence[float | None]) -> str:
+    low, high = (None if side is None else 100 * side for side in sides)
+    below = "any less" if low is None else f"{low:.3g} %"
+    above = "any more" if high is None else f"+{high:.3g} %"
+    return f"{below} to {above}"
 
 
 def _margins(margins: Sequence[LoopMargins]) -> Grid:

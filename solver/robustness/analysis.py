@@ -21,6 +21,7 @@ from solver.robustness.bandwidth import bandwidths
 from solver.robustness.curves import LoopAnalysis
 from solver.robustness.gain_factor import stable_gain_factor
 from solver.robustness.margins import loop_frequencies, loop_margins
+from solver.robustness.model_tolerance import model_tolerances
 from solver.robustness.record import Robustness
 from solver.robustness.worst_case import worst_case
 from solver.stability.closed_loop import ClosedLoopPoles, closed_loop_poles
@@ -121,6 +122,7 @@ def analyse(
         bandwidths=bandwidths(plant, loops, alone, loop_frequencies(plant, loops)),
         certificate=proof,
         guarantee=axis.guarantee,
+        model_tolerance=model_tolerances(plant, performance, loops, axis.curves.omega),
         warnings=tuple(warnings),
     )
 

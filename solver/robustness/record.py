@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from solver.model.peaks import Peak
     from solver.robustness.bandwidth import Bandwidths
     from solver.robustness.margins import LoopMargins
+    from solver.robustness.model_tolerance import ModelTolerance
     from solver.robustness.worst_case import WorstCase
 
 __all__ = ["Curves", "Guarantee", "GuaranteeStatus", "Peaks", "Robustness"]
@@ -85,6 +86,7 @@ class Robustness:
     lower bound of that peak, `worst_case` a perturbation that reaches it. `uncertainty_scaling` is
     the factor by which the uncertainty may grow before robust stability is no longer assured.
     `margins`: of each different loop. `bandwidths`: alone and together, of a stable loop.
+    `model_tolerance`: how wrong the parameters of the plant may be, of a stable loop.
     """
 
     nominally_stable: bool
@@ -100,4 +102,5 @@ class Robustness:
     guarantee: Guarantee | None = None
     poles_at_origin: int = 0
     stable_gain_factor: float | None = None
+    model_tolerance: tuple[ModelTolerance, ...] = ()
     warnings: tuple[str, ...] = field(default=())

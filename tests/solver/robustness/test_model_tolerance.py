@@ -1,0 +1,104 @@
+"""How wrong the model may be: against plants made wrong by just so much."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from solver.model.controllers import Controller
+from solver.model.plants import MatrixPlant, first_order
+from solver.model.transfer_function import TransferFunction
+from solver.model.weights import Performance, Uncertainty
+from solver.robustness.axis import proven_peaks
+from solver.robustness.model_tolerance import ModelTolerance, model_tolerances
+from solver.stability.closed_loop import is_stable
+
+UNCERTAINTY = Uncertainty.from_error(0.2, 1)
+PERFORMANCE = Performance(tau_p=19)
+PUBLISHED = [Controller(46.3, 101), Controller(22.8, 3.15)]
+
+
+def tolerances(plant, loops, performance=PERFORMANCE) -> dict[str, ModelTolerance]:
+    """By parameter, and element where there is one."""
+    omega = proven_peaks(plant, UNCERTAINTY, performance, loops).curves.omega
+    found = model_tolerances(plant, performance, loops, omega)
+    return {f"{each.parameter}{each.element or ''}": each for each in found}
+
+
+def test_interaction_of_the_published_case_is_what_must_be_known() -> None:
+    """Stability is lost where a passes 1, the demand a fifth of the way there."""
+    found = tolerances(first_order(2, 1, 100, 0.949), PUBLISHED)["interaction"]
+    assert found.stability[1] == pytest.approx(1 / 0.949 - 1, rel=0.02)
+    assert found.demand is not None
+    assert found.demand[1] is not None
+
+    def nominal(error: float) -> float:
+        plant = first_order(2, 1, 100, 0.949 * (1 + error))
+        peaks = proven_peaks(plant, UNCERTAINTY, PERFORMANCE, PUBLISHED).peaks
+        return peaks.nominal_performance.value
+
+    assert nominal(found.demand[1]) <= 1
+    assert nominal(1.05 * found.demand[1]) > 1
+
+
+def test_the_limit_of_a_dead_time_is_the_delay_margin() -> None:
+    """A single loop k exp(-s)/s under almost pure gain: stable up to theta = pi/(2 k)."""
+    plant = MatrixPlant([[TransferFunction([1], [1, 0], 1)]])
+    found = tolerances(plant, [Controller(0.5, 1e5)], Performance(tau_p=1e3))
+    assert found["dead_time(0, 0)"].stability[1] == pytest.approx(math.pi - 1, rel=0.02)
+    assert found["gain(0, 0)"].stability[1] == pytest.approx(math.pi - 1, rel=0.02)
+    assert found["gain(0, 0)"].stability[0] == pytest.approx(-1, rel=0.02)
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1e6])
+def test_tolerances_do_not_depend_on_units(scale: float) -> None:
+    """Time in another unit, gains in others: the same relative errors."""
+    usual = tolerances(first_order(2, 1, 100, 0.949, 1), PUBLISHED)
+    loops = [
+        replace(c, gain=c.gain / scale, integral_time=c.integral_time * scale) for c in PUBLISHED
+    ]
+    plant = first_order(2, scale, 100 * scale, 0.949, scale)
+    other = tolerances(plant, loops, Performance(tau_p=19 * scale))
+    for name, each in usual.items():
+        for ours, theirs in (
+            (each.demand, other[name].demand), (each.stability, other[name].stability)
+        ):  # fmt: skip
+            ours_known = [math.nan if side is None else side for side in ours or ()]
+            theirs_known = [math.nan if side is None else side for side in theirs or ()]
+            np.testing.assert_allclose(ours_known, theirs_known, rtol=0.05)
+
+
+def test_each_limit_of_stability_is_one() -> None:
+    """The independent count of poles says the same on both sides of it."""
+    plant = MatrixPlant(
+        [
+            [TransferFunction([12.8], [16.7, 1], 1), TransferFunction([-18.9], [21, 1], 3)],
+            [TransferFunction([6.6], [10.9, 1], 7), TransferFunction([-19.4], [14.4, 1], 3)],
+        ]
+    )
+    loops = [Controller(0.2, 4.44), Controller(-0.04, 2.67)]
+    found = tolerances(plant, loops, Performance(tau_p=20))
+    checked = 0
+    for row in range(2):
+        for column in range(2):
+            limit = found[f"gain{row, column}"].stability[1]
+            if limit is None:
+                continue
+            for share, stable in ((0.97, True), (1.05, False)):
+                rows = [list(elements) for elements in plant.elements_by_row]
+                old = rows[row][column]
+                rows[row][column] = TransferFunction(
+                    [old.num[0] * (1 + share * limit)], old.den, old.dead_time
+                )
+                assert is_stable(MatrixPlant(rows), loops) == stable
+            checked += 1
+    assert checked
+
+
+def test_a_demand_that_is_not_met_has_no_tolerance() -> None:
+    """Only that of stability is told."""
+    found = tolerances(first_order(2, 1, 100, 0.949), PUBLISHED, Performance(tau_p=2))
+    assert all(each.demand is None for each in found.values())
