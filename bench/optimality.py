@@ -12,7 +12,7 @@ from solver.model.errors import Cancelled
 from solver.model.plants import MatrixPlant, ParallelPlant, first_order
 from solver.model.transfer_function import TransferFunction
 from solver.model.weights import Performance, Structure, Uncertainty
-from solver.optimality.bound import LowerBound
+from solver.optimality.bound import BranchAndBound
 from solver.tuning import Arrangement, Specification, tune
 from solver.tuning.groupings import groupings
 from solver.tuning.search import GroupingSearch
@@ -56,7 +56,7 @@ def measure(name, plant, limit, arrangement, sizes=None, uncertainty=USUAL):
         if time.process_time() - started > limit:
             raise Cancelled
 
-    bound = LowerBound(search.problem, peaks=peaks, tau_p=tau_p)
+    bound = BranchAndBound(search.problem, peaks=peaks, tau_p=tau_p)
     with suppress(Cancelled):
         bound.run(checkpoint)
     proof = bound.result()

@@ -8,7 +8,7 @@ scaled problem splits exactly, by permutation symmetry and convexity of the scal
   within the group.
 
 All share one D-scale per group (diagonal uncertainty) or one for all (full-block uncertainty).
-A general matrix plant is a single block. Nothing below this module knows which it was.
+A general matrix plant is a single block. What works with blocks need not know which it was.
 """
 
 from __future__ import annotations

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from solver.optimality.record import SettingsProblem
 
-__all__ = ["GOAL", "LowerBound"]
+__all__ = ["GOAL", "BranchAndBound"]
 
 GOAL = 0.001  # gap at which the proof ends
 BESIDE = np.exp([-0.1, -0.03, 0.0, 0.03, 0.1])  # where the peaks of nearly optimal settings are
@@ -46,7 +46,7 @@ class _Box(NamedTuple):
     first: NDArray[np.int64]
 
 
-class LowerBound:
+class BranchAndBound:
     """The proof for one grouping with PI controllers.
 
     Parameters

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from solver.model.weights import Performance
     from solver.optimality.samples import Samples
 
-__all__ = ["Conditions", "Verdict", "cone", "robust_limits"]
+__all__ = ["Conditions", "Examination", "cone", "robust_limits"]
 
 ROUNDS = 3  # cuts at the centre, then at the points that remained possible
 KEPT = 30  # points that take part in the later rounds, those whose conditions are tightest
@@ -28,7 +28,7 @@ OUTWARD = 1e-9  # relative, above the rounding of what was divided by that exces
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Examination:
     """What is known of a box.
 
     Attributes
@@ -85,7 +85,7 @@ class Conditions:
         high: NDArray[np.float64],
         used: NDArray[np.int64],
         known: float,
-    ) -> Verdict:
+    ) -> Examination:
         """Exclude a box, or tell how to go on.
 
         Parameters
@@ -124,12 +124,12 @@ class Conditions:
                 self.target, s,
             )  # fmt: skip
             if excluded:
-                return Verdict(self.target, None, low, high, used)
+                return Examination(self.target, None, low, high, used)
             v = np.clip(middle + half * e, low, high)
             kept = np.argsort(room, kind="stable")[:KEPT]
             used, y = used[kept], y[kept]
             found = [Cuts(made.above[kept], made.norm[kept], made.size[kept]) for made in found]
-        return Verdict(s, int((high / low).argmax()), low, high, used)
+        return Examination(s, int((high / low).argmax()), low, high, used)
 
     @property
     def all_points(self) -> NDArray[np.int64]:

@@ -269,11 +269,11 @@ class _Run:
     def _optimality(self, candidate: Candidate, tau_p: float) -> Optimality | None:
         if not self.specification.optimality_gap:
             return None
-        from solver.optimality.bound import LowerBound  # noqa: PLC0415 - few tunings ask for it
+        from solver.optimality.bound import BranchAndBound  # noqa: PLC0415 - few tunings ask for it
 
         # The grouping that permits most; 'best' may have kept identical settings.
         search = self.searches[-1]
-        bound = LowerBound(search.problem, peaks=candidate.peaks, tau_p=tau_p)
+        bound = BranchAndBound(search.problem, peaks=candidate.peaks, tau_p=tau_p)
         try:
             return bound.run(lambda: self._tick(math.inf))
         except _OutOfTimeError:  # the search was not cut short: what is proven is enough

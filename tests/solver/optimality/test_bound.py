@@ -12,7 +12,7 @@ from solver.model.errors import Cancelled, InvalidInputError
 from solver.model.plants import ParallelPlant, first_order
 from solver.model.transfer_function import TransferFunction
 from solver.model.weights import Performance, Structure, Uncertainty
-from solver.optimality.bound import LowerBound
+from solver.optimality.bound import BranchAndBound
 from solver.optimality.record import Proof
 from solver.tuning import Arrangement, Bounds, ControllerKind, Objective, Specification, tune
 from solver.tuning.groupings import groupings
@@ -96,7 +96,7 @@ def test_a_claim_that_is_too_good_is_refused():
     """A tau_P above the optimum cannot be proven least: 25.773 can be had."""
     search = search_of(task(SLH))
     peaks = np.array([0.02, 1.5])
-    bound = LowerBound(search.problem, peaks=peaks, tau_p=25.9, goal=0.004)
+    bound = BranchAndBound(search.problem, peaks=peaks, tau_p=25.9, goal=0.004)
     proof = run(bound, 150)
     assert proof.status is Proof.STOPPED
     assert proof.lower_bound <= 25.7731
@@ -106,7 +106,7 @@ def test_what_is_proven_when_a_proof_is_stopped_is_reported():
     """The bound rises with the boxes examined, and holds at any time."""
     search = search_of(task(SLH))
     bounds = [
-        run(LowerBound(search.problem, peaks=np.ones(1), tau_p=25.78), boxes)
+        run(BranchAndBound(search.problem, peaks=np.ones(1), tau_p=25.78), boxes)
         for boxes in (1, 25, 45)
     ]
     assert [proof.status for proof in bounds] == [Proof.STOPPED] * 3
@@ -141,7 +141,7 @@ def test_two_different_settings_are_proven_best_to_a_thousandth(name):
 def test_a_claim_that_two_settings_beat_is_refused():
     """18.4455 can be had, so 18.5 less 0.1 % cannot be proven least; what is proven is near."""
     search = search_of(TWO_SETTINGS["SLH, tau = 100"])
-    bound = LowerBound(search.problem, peaks=np.array([0.035, 1.17]), tau_p=18.5)
+    bound = BranchAndBound(search.problem, peaks=np.array([0.035, 1.17]), tau_p=18.5)
     proof = run(bound, 250)
     assert proof.status is Proof.STOPPED
     assert 18 < proof.lower_bound <= 18.4456
@@ -156,7 +156,7 @@ def test_the_time_limit_ends_the_proof_and_not_the_tuning(monkeypatch):
         monkeypatch.setattr(clock, "elapsed", math.inf)
         checkpoint()
 
-    monkeypatch.setattr(LowerBound, "run", no_time)
+    monkeypatch.setattr(BranchAndBound, "run", no_time)
     result = tune(task(SLH, time_limit=60, optimality_gap=True))
     assert result.status is Status.OPTIMAL
     assert result.optimality.status is Proof.STOPPED

@@ -14,7 +14,7 @@ from solver.model.blocks import reduce
 from solver.model.plants import first_order
 from solver.model.weights import Performance, Structure, Uncertainty
 from solver.mu.scaling import sweep
-from solver.optimality.bound import LowerBound
+from solver.optimality.bound import BranchAndBound
 from solver.optimality.conditions import Conditions, robust_limits
 from solver.optimality.cuts import NU, cuts
 from solver.optimality.infeasibility import least_weights
@@ -215,7 +215,7 @@ def test_an_unstable_loop_is_excluded_by_points_to_the_right_of_the_axis():
     plant = first_order(1, 2, 30, 0, 3)
     task = Specification(plant, Uncertainty.from_error(0.2, 1), Performance())
     search = GroupingSearch(task, ((0,),), 1.0, lambda _: None)
-    bound = LowerBound(search.problem, peaks=np.ones(1), tau_p=5.6)
+    bound = BranchAndBound(search.problem, peaks=np.ones(1), tau_p=5.6)
     conditions = bound._conditions  # noqa: SLF001 - its points are what is looked at
     settings = np.array([0.35, 7.0])
     points = conditions.samples.s
