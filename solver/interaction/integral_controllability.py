@@ -15,6 +15,7 @@ from enum import StrEnum
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.linalg import matrix_balance
 
 from solver.model.validation import square_matrix
 from solver.stability.singular import is_singular
@@ -197,7 +198,10 @@ def _diagonal_proof(positive: NDArray[np.float64]) -> NDArray[np.float64] | None
     from scipy.optimize import linprog  # noqa: PLC0415 - a tuning need not wait for it
 
     n = len(positive)
-    G = _unit_diagonal(positive)
+    # Units of outputs and inputs only move D: with rows over their diagonal and then a similarity,
+    # positive = Lambda T G T^-1, D serves `positive` where T^2 Lambda D serves G.
+    own = np.diag(positive)
+    G, (unit, _) = matrix_balance(positive / own[:, None], permute=False, separate=True)
     G = G / np.linalg.norm(G, 2)
     d = np.full(n, 1.0 / n)
     cuts: list[NDArray[np.float64]] = []
@@ -224,4 +228,5 @@ def _diagonal_proof(positive: NDArray[np.float64]) -> NDArray[np.float64] | None
         d = np.asarray(solution.x)[:-1]
     if best_value <= _ZERO:
         return None
-    return best  # scaling rows and columns alike is a congruence: the same D serves G+
+    scaling = best / (np.asarray(unit) ** 2 * own)
+    return np.asarray(scaling / scaling.sum(), dtype=np.float64)
