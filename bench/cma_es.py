@@ -18,7 +18,7 @@ from solver.model.plants import first_order
 from solver.model.weights import Performance
 from solver.tuning import Specification
 from solver.tuning.groupings import groupings
-from solver.tuning.search import GroupingSearch
+from solver.tuning.search import Freedom, GroupingSearch
 
 EVALUATIONS = 1000  # a parameter and run
 UNSTABLE = 1e3
@@ -44,7 +44,7 @@ def evolve(search, seed):
     )  # fmt: skip
     strategy.optimize(merit)
     theta = box.low + width * np.clip(strategy.result.xbest, 0, 1)
-    candidate = search.exact(theta)
+    candidate = search.exact.descend(theta)
     return np.inf if candidate is None else candidate.value
 
 
@@ -56,7 +56,7 @@ def main():
     for kind, arrangement, tau, a in cases():
         plant = first_order(2, 1, tau, a)
         task = Specification(plant, USUAL, Performance(), kind=kind, arrangement=arrangement)
-        search = GroupingSearch(task, groupings(task)[0], 1.0, lambda _: None)
+        search = GroupingSearch(task, Freedom.usual(task, groupings(task)[0]), 1.0, lambda _: None)
         found = min(evolve(search, seed) for seed in range(runs))
         ours = tau_p(plant, kind, arrangement, 0)
         behind = 100 * (ours / np.exp(found) - 1)

@@ -15,7 +15,7 @@ from solver.model.weights import Performance, Structure, Uncertainty
 from solver.optimality.bound import BranchAndBound
 from solver.tuning import Arrangement, Specification, tune
 from solver.tuning.groupings import groupings
-from solver.tuning.search import GroupingSearch
+from solver.tuning.search import Freedom, GroupingSearch
 
 USUAL = Uncertainty.from_error(0.2, 1)
 INTEGRATING = ParallelPlant(2, TransferFunction((1,), (1, 0)), TransferFunction((0.5,), (1, 0)))
@@ -46,8 +46,13 @@ def measure(name, plant, limit, arrangement, sizes=None, uncertainty=USUAL):
         plant, uncertainty, Performance(), arrangement=arrangement, group_sizes=sizes
     )
     tau_p = tune(specification).tau_p
-    search = GroupingSearch(specification, groupings(specification)[0], 1.0, lambda _: None)
-    for theta in search.starts(search.default_starts):
+    search = GroupingSearch(
+        specification,
+        Freedom.usual(specification, groupings(specification)[0]),
+        1.0,
+        lambda _: None,
+    )
+    for theta in search.starts(4 * search.box.low.size):
         search.descend(theta)
     peaks = min(search.polish(), key=lambda candidate: candidate.value).peaks
     started = time.process_time()

@@ -84,6 +84,7 @@ if TYPE_CHECKING:
         Bounds,
         ControllerKind,
         Objective,
+        Signs,
         Specification,
     )
     from solver.workbench.interchange import plant, to_control
@@ -165,6 +166,7 @@ __all__ = [
     "ServiceClass",
     "ServiceError",
     "ServiceUnreachableError",
+    "Signs",
     "Specification",
     "Status",
     "Step",
@@ -257,7 +259,9 @@ _HOMES = {
     "solver.simulation.step_response": "Metrics StepResponse UnitResponse step_response",
     "solver.simulation.worst_actuators": "with_worst_actuators worst_actuators",
     "solver.tuning.record": "Comparison LocalOptimum Progress SearchSummary Status Tuning",
-    "solver.tuning.specification": "Arrangement Bounds ControllerKind Objective Specification",
+    "solver.tuning.specification": (
+        "Arrangement Bounds ControllerKind Objective Signs Specification"
+    ),
     "solver.workbench.interchange": "plant to_control",
     "solver.workbench.response": "Response",
     "solver.workbench.tuned": "InfeasibleError Tuned load",

@@ -49,8 +49,10 @@ def headline(result: TuningResult, unit: str = TIME_UNIT) -> str:
     if result.objective == "mu" and result.peaks is not None:
         peak = result.peaks.robust_performance.value
         found = f"Peak of μ = {number(peak)} at τP = {number(result.tau_p)} {unit}"
-    ended = "" if result.status == "optimal" else ", the best up to the time limit"
-    return f"{found}{ended}."
+    ended = {"local": ", the best beside the given settings",
+             "time_limit": ", the best up to the time limit"}.get(result.status, "")  # fmt: skip
+    unmet = "The demand is not met. " if result.demand_met is False else ""
+    return f"{unmet}{found}{ended}."
 
 
 def optimality_text(proof: Optimality | None) -> str | None:
@@ -103,12 +105,12 @@ class Form:
 
 
 _FORMULAS = {
-    "cascade": ("k (1 + τI s)/(τI s)", "k (1 + τI s)/(τI s) (1 + τD s)/(1 + 0.1 τD s)"),
+    "cascade": ("k (1 + τI s)/(τI s)", "k (1 + τI s)/(τI s) (1 + τD s)/(1 + τF s)"),
     "ideal": ("K (1 + 1/(Ti s))", "K (1 + 1/(Ti s) + Td s/(1 + Tf s))"),
     "parallel": ("Kp + Ki/s", "Kp + Ki/s + Kd s/(1 + Tf s)"),
 }
 _SYMBOLS = {
-    "cascade": ("k", "τI", "τD"),
+    "cascade": ("k", "τI", "τD", "τF"),
     "ideal": ("K", "Ti", "Td", "Tf"),
     "parallel": ("Kp", "Ki", "Kd", "Tf"),
 }
@@ -116,7 +118,7 @@ _SYMBOLS = {
 
 def forms(controllers: Sequence[Controller]) -> tuple[Form, ...]:
     """Return the same controllers in cascade, ideal and parallel form."""
-    derivative = any(controller.derivative_time is not None for controller in controllers)
+    derivative = any(controller.lag_time for controller in controllers)
     found = []
     for name, values in (
         ("cascade", _cascade),
@@ -135,7 +137,8 @@ def forms(controllers: Sequence[Controller]) -> tuple[Form, ...]:
 
 
 def _cascade(controller: Controller) -> tuple[float | None, ...]:
-    return controller.gain, controller.integral_time, controller.derivative_time
+    lag = controller.lag_time or None
+    return controller.gain, controller.integral_time, controller.derivative_time, lag
 
 
 def _ideal(controller: Controller) -> tuple[float | None, ...]:

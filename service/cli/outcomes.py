@@ -34,6 +34,7 @@ def exit_code_of(result: TuningResult) -> ExitCode:
     """Return the exit code that stands for the status of a tuning."""
     return {
         "optimal": ExitCode.DONE,
+        "local": ExitCode.DONE,
         "infeasible": ExitCode.INFEASIBLE,
         "time_limit": ExitCode.TIME_LIMIT,
     }[result.status]

@@ -51,12 +51,20 @@ def tuning_table(result: TuningResult) -> list[Part]:
     return [*parts, *warning_lines(result.warnings)]
 
 
+_SETTINGS = (
+    ("k", "gain"),
+    ("τI", "integral_time"),
+    ("τD", "derivative_time"),
+    ("τF", "filter_time"),
+)
+
+
 def side_by_side(results: Mapping[str, TuningResult]) -> Grid:
     """Return several tunings of the same plant, a column each, settings in cascade form."""
     columns = list(results.values())
     rows = [("closed-loop time constant τP", *(number(result.tau_p) for result in columns))]
     for index in range(max(len(result.loops) for result in columns)):
-        for symbol, name in (("k", "gain"), ("τI", "integral_time"), ("τD", "derivative_time")):
+        for symbol, name in _SETTINGS:
             values = [_setting(result, index, name) for result in columns]
             if any(value is not None for value in values):
                 head = f"loop {index + 1}: {name.replace('_', ' ')} {symbol}"
@@ -81,10 +89,15 @@ def _headline(result: TuningResult) -> str:
     if result.status == "infeasible":
         where = "" if result.omega is None else f" (at {number(result.omega)} rad per time unit)"
         return f"Infeasible: {result.reason or 'no settings meet the demand'}{where}"
-    ended = {"optimal": "Optimal", "time_limit": "Time limit reached; the best so far"}
+    ended = {
+        "optimal": "Optimal",
+        "local": "Local optimum beside the given settings",
+        "time_limit": "Time limit reached; the best so far",
+    }
     if not result.loops:
         return f"{ended[result.status]}: nothing found yet."
-    return f"{ended[result.status]}: {_objective(result)}"
+    unmet = "" if result.demand_met is not False else "Demand not met. "
+    return f"{unmet}{ended[result.status]}: {_objective(result)}"
 
 
 def _objective(result: TuningResult) -> str:

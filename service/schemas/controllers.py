@@ -20,13 +20,15 @@ class Loop(RequestModel):
     """Settings of one loop, c(s) = k (1 + tau_I s)/(tau_I s) (1 + tau_D s)/(1 + tau_F s)."""
 
     gain: Gain = Field(description="Controller gain k, not zero.", examples=[46.3])
-    integral_time: PositiveTime = Field(description="Integral time tau_I.", examples=[101.0])
+    integral_time: PositiveTime | None = Field(
+        description="Integral time tau_I; null for P and PD.", examples=[101.0, None]
+    )
     derivative_time: PositiveTime | None = Field(
-        default=None, description="Derivative time tau_D; null for PI.", examples=[None, 5.0]
+        default=None, description="Derivative time tau_D; null for P and PI.", examples=[None, 5.0]
     )
     filter_time: PositiveTime | None = Field(
         default=None,
-        description="Filter time tau_F; null: 0.1 tau_D, and no filter for PI.",
+        description="Filter time tau_F; null: 0.1 tau_D, and no filter where there is no tau_D.",
         examples=[None, 0.5],
     )
 
@@ -41,7 +43,9 @@ class IdealForm(BaseModel):
     """Ideal (ISA) form, K (1 + 1/(T_i s) + T_d s/(1 + T_f s))."""
 
     gain: float = Field(description="K.", examples=[46.3])
-    integral_time: float = Field(description="T_i.", examples=[101.0])
+    integral_time: float | None = Field(
+        description="T_i; null without integral action.", examples=[101.0]
+    )
     derivative_time: float = Field(description="T_d; 0 for PI.", examples=[0.0])
     filter_time: float = Field(description="T_f.", examples=[0.0])
 
@@ -77,10 +81,16 @@ class Bounds(RequestModel):
         default=None, description="Range of the derivative time.", examples=[[0.05, 50.0]]
     )
 
+    filter_time: TimeRange | None = Field(
+        default=None,
+        description="Range of the filter time, for PIF and PIDF.",
+        examples=[[0.05, 50.0]],
+    )
+
     def build(self) -> solver.tuning.specification.Bounds:
         """Return the solver's bounds."""
         return solver.tuning.specification.Bounds(
-            self.gain, self.integral_time, self.derivative_time
+            self.gain, self.integral_time, self.derivative_time, self.filter_time
         )
 
 
@@ -90,8 +100,11 @@ GroupSize = Annotated[int, Field(ge=1, le=MAX_UNITS), WHOLE]
 class ControllerChoice(RequestModel):
     """Which controllers the tuning may use."""
 
-    kind: Literal["PI", "PID"] = Field(
-        default="PI", description="Controller kind, in cascade form.", examples=["PI"]
+    kind: Literal["PI", "PID", "PIF", "PIDF"] = Field(
+        default="PI",
+        description="Controller kind, in cascade form; with F the filter time is free too, else "
+        "it is 0.1 tau_D.",
+        examples=["PI"],
     )
     arrangement: Literal["identical", "independent", "grouped", "best"] = Field(
         default="independent",
@@ -109,4 +122,10 @@ class ControllerChoice(RequestModel):
     )
     bounds: Bounds = Field(
         default=Bounds(), description="Permitted ranges of the parameters.", examples=[{}]
+    )
+    signs: Literal["usual", "any"] = Field(
+        default="usual",
+        description="Signs of the gains. usual: those of the loops' own processes, which loops "
+        "need that are to run alone; any: others are tried too where those permit no settings.",
+        examples=["usual"],
     )

@@ -10,7 +10,7 @@ from pydantic import ConfigDict, Field, JsonValue
 from service.schemas.controllers import ControllerChoice, Loop
 from service.schemas.encoding import encode
 from service.schemas.fields import WHOLE, RequestModel, ResultModel, below
-from service.schemas.peaks import Curves, Peaks
+from service.schemas.peaks import Curves, Guarantee, Peaks
 from service.schemas.plants import Plant
 from service.schemas.weights import Performance, Uncertainty
 from solver.model.open_loop import require_supported
@@ -20,6 +20,7 @@ from solver.tuning.specification import (
     Arrangement,
     ControllerKind,
     Objective,
+    Signs,
     Specification,
 )
 
@@ -68,6 +69,12 @@ class Search(RequestModel):
         default=60.0,
         description="Longest computing time; the best settings up to then are returned.",
         examples=[60.0],
+    )
+    start: list[Loop] | None = Field(
+        default=None,
+        description="Known settings, one entry a unit: only the best settings beside them are "
+        "sought, in a tenth of the time; the status is then local.",
+        examples=[None],
     )
     optimality_gap: bool = Field(
         default=False,
@@ -132,6 +139,10 @@ class TuningRequest(RequestModel):
             performance = self.performance.build()
         with below("/controller/bounds"):
             bounds = self.controller.bounds.build()
+        start = None
+        if self.search.start is not None:
+            with below("/search/start"):
+                start = tuple(loop.build() for loop in self.search.start)
         return Specification(
             plant=plant,
             uncertainty=uncertainty,
@@ -141,6 +152,8 @@ class TuningRequest(RequestModel):
             group_sizes=self.controller.group_sizes,
             objective=Objective(self.objective),
             bounds=bounds,
+            signs=Signs(self.controller.signs),
+            start=start,
             starts=self.search.starts,
             seed=self.search.seed,
             time_limit=self.search.time_limit,
@@ -229,10 +242,16 @@ class Optimality(ResultModel):
 class TuningResult(ResultModel):
     """Outcome of a tuning; null stands for a value that does not exist or is not finite."""
 
-    status: Literal["optimal", "infeasible", "time_limit"] = Field(
-        description="optimal: the best settings found; infeasible: none meet the demand, see "
-        "reason; time_limit: the best settings up to the time limit.",
+    status: Literal["optimal", "local", "infeasible", "time_limit"] = Field(
+        description="optimal: the best settings found; local: the best beside the given ones; "
+        "infeasible: none meet the demand, see reason; time_limit: the best settings up to the "
+        "time limit.",
         examples=["optimal"],
+    )
+    demand_met: bool | None = Field(
+        default=None,
+        description="Whether the peak of robust performance is at most 1, at this tau_p.",
+        examples=[True],
     )
     objective: Literal["tau_p", "mu"] = Field(
         description="What was made small.", examples=["tau_p"]
@@ -274,6 +293,11 @@ class TuningResult(ResultModel):
             }
         ],
     )
+    guarantee: Guarantee | None = Field(
+        default=None,
+        description="What is proven of the peak of robust performance over all frequencies.",
+        examples=[{"status": "proven", "level": 1.0001, "reason": None}],
+    )
     comparison: Comparison | None = Field(
         description="What asymmetry buys, for the arrangement best.", examples=[None]
     )
@@ -298,6 +322,7 @@ class TuningResult(ResultModel):
 def tuning_to_json(tuning: Tuning) -> dict[str, Any]:
     """Return the result as the JSON object that `TuningResult` describes."""
     document: dict[str, Any] = encode(tuning)
+    document["demand_met"] = tuning.demand_met
     document["search"]["local_optima"] = [
         _optimum_to_json(optimum) for optimum in tuning.search.local_optima
     ]

@@ -7,13 +7,14 @@ from solver.tuning.specification import (
     Bounds,
     ControllerKind,
     Objective,
+    Signs,
     Specification,
 )
 
 if TYPE_CHECKING:
     from solver.tuning.tuner import tune
 
-__all__ = ["Arrangement", "Bounds", "ControllerKind", "Objective", "Specification", "tune"]
+__all__ = ["Arrangement", "Bounds", "ControllerKind", "Objective", "Signs", "Specification", "tune"]
 
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401 - a module's attributes have any type

@@ -1,62 +1,143 @@
-"""Parameter bounds chosen from the plant, and the sign of each loop's gain."""
+"""Where settings are sought: the box of the parameters, the part of it that starts are drawn from.
+
+Both follow the loop and not the units: times are measured by the crossover that uncertainty, dead
+time or the plant's own phase permits and by the slowest corner, gains by what the plant's response
+is there. Optima lie in the region of the starts as a rule; the box is far wider, so that what ends
+on it has no optimum at any finite setting, and is told as such (`solver.tuning.limits`).
+"""
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from solver.model.blocks import reduce
 from solver.model.frequencies import corners
+from solver.model.plants import ParallelPlant
 from solver.model.transfer_function import LARGEST
 from solver.tuning.minimax import Box
-from solver.tuning.specification import ControllerKind, Specification
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from solver.model.plants import Plant
+    from solver.tuning.groupings import Groups
+    from solver.tuning.specification import Specification
 
-__all__ = ["gain_signs", "parameter_box", "parameter_names"]
+__all__ = ["Region", "gain_signs", "search_region"]
+
+BEYOND = 1e3  # how much wider the box is than the region of the starts, at either end
+PER_DECADE = 40  # frequencies at which a crossover is sought
+LEAD = math.pi / 2  # phase that a derivative can add
 
 
-def gain_signs(plant: Plant, groups: tuple[tuple[int, ...], ...]) -> NDArray[np.float64]:
+@dataclass(frozen=True)
+class Region:
+    """Where settings of one grouping are sought, in the logarithms of their magnitudes.
+
+    Attributes
+    ----------
+    box : Box
+        What no settings leave.
+    starts : Box
+        What starts are drawn from.
+    given : (m, 2) bool
+        Which of the box's lower and upper bounds the user gave.
+
+    """
+
+    box: Box
+    starts: Box
+    given: NDArray[np.bool_]
+
+
+def gain_signs(plant: Plant, groups: Groups) -> tuple[float, ...]:
     """Sign of each group's gain: that of its first unit's own steady-state gain, (groups,)."""
     gains = [plant.element(group[0], group[0]).static_gain for group in groups]
-    return np.array([-1.0 if gain < 0 else 1.0 for gain in gains])
+    return tuple(-1.0 if gain < 0 else 1.0 for gain in gains)
 
 
-def parameter_box(specification: Specification, groups: tuple[tuple[int, ...], ...]) -> Box:
-    """Box of the log parameters, controller by controller.
+def search_region(specification: Specification, groups: Groups) -> Region:
+    """Return the box of the parameters and where starts are drawn, controller by controller.
 
-    The scale is the crossover that the uncertainty permits: the lowest frequency where |w_I|
-    reaches 1 or a dead time turns the phase by a radian. Gains reach from a thousandth of the one
-    that puts the crossover of the plant's strongest direction there to thirty times the one that
-    puts a single loop's there; integral times from a hundredth of that period to ten times the
-    slowest one of the plant.
+    The crossover is the lowest frequency where |w_I| reaches 1, a dead time turns the phase by a
+    radian, or the process's own phase lag leaves nothing that a controller could make up for. Gains
+    start from a tenth of what crosses over with the plant's strongest direction anywhere, up to
+    thirty times what makes a single loop cross over there; times from a hundredth of that period to
+    ten times the slowest one.
     """
-    plant, given = specification.plant, specification.bounds
-    omega = np.geomspace(*_span(specification), 400)
-    too_uncertain = specification.uncertainty.magnitude(omega) >= 1
-    crossover = float(omega[too_uncertain][0]) if too_uncertain.any() else float(omega[-1]) / 10
-    delay = max(element.dead_time for element in plant.elements)
-    if delay > 0:
-        crossover = min(crossover, 1 / delay)
-    slowest = float(corners(plant, specification.uncertainty)[0])
-    blocks = reduce(plant, groups).response(crossover)
-    strongest = max(float(np.linalg.norm(block[0], 2)) for block in blocks)
-    low, high = [], []
+    plant, kind = specification.plant, specification.kind
+    bends = corners(plant, specification.uncertainty)
+    omega = np.geomspace(
+        1e-2 * bends[0], 1e2 * bends[-1],
+        math.ceil(PER_DECADE * math.log10(1e4 * bends[-1] / bends[0])),
+    )  # fmt: skip
+    permitted = _permitted_crossover(specification, omega)
+    slowest = min(float(bends[0]), permitted)
+    within = omega[(omega >= slowest) & (omega <= permitted)]
+    strongest = max(
+        float(np.linalg.norm(G, 2, axis=(1, 2)).max())
+        for G in reduce(plant, groups).response(within if within.size else permitted)
+    )
+    low, high, start_low, start_high, given = [], [], [], [], []
     for group in groups:
-        own = max(float(np.abs(plant.element(group[0], group[0]).response(crossover))[0]), 1e-12)
-        rows = [
-            given.gain or (1e-3 / max(own, strongest), 30 / own),
-            given.integral_time or (0.01 / crossover, 10 / min(slowest, crossover)),
-        ]
-        if specification.kind is ControllerKind.PID:
-            rows.append(given.derivative_time or (1e-3 / crossover, 10 / crossover))
-        low += [row[0] for row in rows]
-        high += [row[1] for row in rows]
-    return Box(_log_inside(np.array(low), 1), _log_inside(np.minimum(high, LARGEST), -1))
+        own_crossover, own_gain = _own_crossover(specification, group[0], omega, permitted)
+        shortest, longest = 0.01 / own_crossover, 10 / min(slowest, own_crossover)
+        for name in kind.parameters:
+            usual = (shortest, longest)
+            if name == "gain":
+                usual = (0.1 / max(strongest, own_gain), 30 / own_gain)
+            elif name == "filter_time":
+                usual = (0.1 * shortest, longest)
+            bounds = getattr(specification.bounds, name)
+            # A filter that short is none: what it changes is lost in rounding.
+            below = BEYOND**2 if name == "filter_time" else BEYOND
+            outer = bounds or (usual[0] / below, min(usual[1] * BEYOND, LARGEST))
+            inner = (max(usual[0], outer[0]), min(usual[1], outer[1]))
+            if not inner[0] < inner[1]:  # the user wants it elsewhere
+                inner = outer
+            low.append(outer[0])
+            high.append(outer[1])
+            start_low.append(inner[0])
+            start_high.append(inner[1])
+            given.append((bounds is not None, bounds is not None))
+    return Region(
+        Box(_log_inside(np.array(low), 1), _log_inside(np.array(high), -1)),
+        Box(_log_inside(np.array(start_low), 1), _log_inside(np.array(start_high), -1)),
+        np.array(given),
+    )
+
+
+def _permitted_crossover(specification: Specification, omega: NDArray[np.float64]) -> float:
+    """Return the lowest frequency where |w_I| reaches 1 or a dead time turns by a radian."""
+    too_uncertain = specification.uncertainty.magnitude(omega) >= 1
+    permitted = float(omega[too_uncertain][0]) if too_uncertain.any() else float(omega[-1]) / 10
+    plant = specification.plant
+    # What comes late from other units keeps no loop from being fast.
+    units = [0] if isinstance(plant, ParallelPlant) else range(plant.n)
+    delay = max(plant.element(unit, unit).dead_time for unit in units)
+    return min(permitted, 1 / delay) if delay > 0 else permitted
+
+
+def _own_crossover(
+    specification: Specification, unit: int, omega: NDArray[np.float64], permitted: float
+) -> tuple[float, float]:
+    """Return where a unit's own loop can cross over at most, and its process's gain there."""
+    process = specification.plant.element(unit, unit)
+    response = process.response(omega)
+    size = np.abs(response)
+    if not (np.isfinite(size).all() and size.max() > 0):
+        return permitted, 1.0
+    phase = np.unwrap(np.angle(response * (-1 if process.static_gain < 0 else 1)))
+    room = math.pi + (LEAD if "derivative_time" in specification.kind.parameters else 0.0)
+    turned = omega[phase < -room]
+    crossover = min(permitted, float(turned[0])) if turned.size else permitted
+    gain = float(np.abs(process.response(crossover))[0])
+    # A zero on the axis at that very place would stand for any gain at all.
+    return crossover, max(gain, 1e-6 * float(size[omega <= crossover].max(initial=size[0])))
 
 
 def _log_inside(bound: NDArray[np.float64], inward: int) -> NDArray[np.float64]:
@@ -67,14 +148,3 @@ def _log_inside(bound: NDArray[np.float64], inward: int) -> NDArray[np.float64]:
         if not outside.any():
             return log
         log = np.where(outside, np.nextafter(log, inward * np.inf), log)
-
-
-def _span(specification: Specification) -> tuple[float, float]:
-    bends = corners(specification.plant, specification.uncertainty)
-    return 1e-3 * float(bends[0]), 1e3 * float(bends[-1])
-
-
-def parameter_names(kind: ControllerKind) -> tuple[str, ...]:
-    """Names of one controller's parameters, in their order in the box."""
-    names = ("gain", "integral_time", "derivative_time")
-    return names if kind is ControllerKind.PID else names[:2]

@@ -1,102 +1,153 @@
-"""What forbids any settings, told before the search: conditions at steady state."""
+"""What forbids settings, told before the search: conditions at steady state.
+
+Integral action makes T(0) = I, so robust stability needs |w_I(0)| < 1, and it needs a steady-state
+gain that is regular. For a closed loop that is stable with all loops in service det (G(0) K) must
+be positive: with gains of the signs of the loops' own processes, det G(0) of the sign of the
+product of its diagonal (Niederlinski 1971). A parallel plant must then satisfy the stricter
+-1/(n-1) < a(0) < 1 (Skogestad, Lundstrom and Hovd 1989, eq. 24), outside of which taking loops out
+of service destabilises it.
+"""
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solver.model.plants import MatrixPlant, ParallelPlant
+from solver.model.plants import ParallelPlant
+from solver.stability.singular import SINGULAR_CONDITION, equilibrate, is_singular
+from solver.tuning.bounds import gain_signs
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
     from solver.model.plants import Plant
+    from solver.tuning.groupings import Groups
     from solver.tuning.specification import Specification
 
-__all__ = ["Obstacle", "obstacle"]
+__all__ = ["Obstacle", "obstacle", "other_signs"]
 
-SINGULAR = 1e-12  # relative size of a steady-state gain that is rounding only
+SLOW = 1e-9  # of the slowest root: there a response is at its limit for omega -> 0
+ELSE = "; other signs of the gains ('any') may serve, but some loops cannot run alone then"
 
 
 @dataclass(frozen=True)
 class Obstacle:
-    """Why no settings exist, and the frequency (rad per time unit) that forbids them."""
+    """Why no settings exist, and the frequency (rad per time unit) that forbids them.
+
+    `whatever_signs`: also with other signs of the gains than those of the loops' own processes.
+    """
 
     reason: str
     omega: float
+    whatever_signs: bool
 
 
 def obstacle(specification: Specification) -> Obstacle | None:
-    """Return what forbids every setting with integral action, or None.
-
-    Integral action makes T(0) = I, so robust stability needs |w_I(0)| < 1; it needs a steady-state
-    gain that is regular and, for a closed loop that is stable with all loops in service,
-    det G(0) of the sign of the product of its diagonal (Niederlinski 1971). A parallel plant must
-    satisfy the stricter -1/(n-1) < a(0) < 1 (Skogestad, Lundstrom and Hovd 1989, eq. 24), outside
-    of which taking loops out of service destabilises it.
-    """
-    error = float(specification.uncertainty.magnitude(1e-9 * _slowest(specification))[0])
+    """Return what forbids every setting with integral action, or None."""
+    plant = specification.plant
+    error = float(specification.uncertainty.magnitude(SLOW * _slowest_pole(specification))[0])
     if error >= 1:
         return Obstacle(
             f"the uncertainty is {100 * error:.4g} % at steady state, where integral action needs "
             "less than 100 %",
-            0.0,
-        )
-    return _steady_state(specification.plant)
-
-
-def _slowest(specification: Specification) -> float:
-    poles = np.abs(specification.uncertainty.weight.poles)
-    return float(poles.min()) if poles.size else 1.0
-
-
-def _steady_state(plant: Plant) -> Obstacle | None:
+            0.0, whatever_signs=True,
+        )  # fmt: skip
     if isinstance(plant, ParallelPlant):
         return _parallel(plant)
-    return _matrix(plant)
+    return _matrix(plant.response(SLOW * _slowest_root(plant))[0])
+
+
+def other_signs(plant: Plant, groups: Groups) -> Iterator[tuple[float, ...]]:
+    """Signs of the gains, (groups,) each, other than the usual ones, that integral action permits.
+
+    Those with det (G(0) K) > 0; groups alike of a parallel plant may change places.
+    """
+    index, usual = _niederlinski_index(plant), gain_signs(plant, groups)
+    seen = set()
+    for flips in itertools.product((1.0, -1.0), repeat=len(groups)):
+        key: tuple[object, ...] = flips
+        if isinstance(plant, ParallelPlant):
+            key = tuple(sorted(zip(map(len, groups), flips, strict=True)))
+        turned = sum(len(group) for group, flip in zip(groups, flips, strict=True) if flip < 0)
+        if key in seen or turned == 0 or index * (-1) ** turned < 0:
+            continue
+        seen.add(key)
+        yield tuple(sign * flip for sign, flip in zip(usual, flips, strict=True))
+
+
+def _niederlinski_index(plant: Plant) -> float:
+    """Return det G(0) over the product of its diagonal, or its sign; 0 where there is none."""
+    omega = SLOW * _slowest_root(plant)
+    if isinstance(plant, ParallelPlant):
+        g = plant.process.response(omega)[0]
+        i = plant.interaction.response(omega)[0] if plant.n > 1 else 0.0
+        if g == 0:
+            return 0.0
+        a = float((i / g).real)
+        return float(np.sign(1 - a) ** (plant.n - 1) * np.sign(1 + (plant.n - 1) * a))
+    G = plant.response(omega)[0]
+    own = np.diag(G)
+    return float(np.linalg.det(G / own).real) if (own != 0).all() else 0.0
 
 
 def _parallel(plant: ParallelPlant) -> Obstacle | None:
     if plant.n == 1:
-        if plant.process.static_gain == 0:
-            return Obstacle("the process has no steady-state gain", 0.0)
-        return None
-    omega = 1e-9 * _slowest_root(plant)
-    a = float((plant.interaction.response(omega) / plant.process.response(omega))[0].real)
-    low = -1 / (plant.n - 1)
-    if low + SINGULAR < a < 1 - SINGULAR:
-        if plant.process.static_gain == 0:
-            return Obstacle("the process has no steady-state gain", 0.0)
-        return None
-    if abs(a - 1) <= SINGULAR or abs(a - low) <= SINGULAR:
+        return _without_gain(plant)
+    omega = SLOW * _slowest_root(plant)
+    g, i = (f.response(omega)[0] for f in (plant.process, plant.interaction))
+    if g == 0 or abs(i) * 1e-3 > abs(g) * SINGULAR_CONDITION:
+        return _without_gain(plant)
+    a, low = float((i / g).real), -1 / (plant.n - 1)
+    # The gains of the difference and of the sum against what they are made of.
+    lost_difference = abs(1 - a) * SINGULAR_CONDITION <= 1 + abs(a)
+    lost_sum = abs(1 + (plant.n - 1) * a) * SINGULAR_CONDITION <= 1 + (plant.n - 1) * abs(a)
+    if lost_difference or lost_sum:
         reason = (
             f"the steady-state interaction is a = {a:.6g}: the gain matrix is singular, so the "
             "outputs cannot be controlled independently"
         )
-    else:
-        reason = (
-            f"the steady-state interaction a = {a:.6g} lies outside {low:.6g} < a < 1: the plant "
-            "is not decentralised integral controllable"
-        )
-    return Obstacle(reason, 0.0)
+        return Obstacle(reason, 0.0, whatever_signs=True)
+    if low < a < 1:
+        return _without_gain(plant)
+    reason = (
+        f"the steady-state interaction a = {a:.6g} lies outside {low:.6g} < a < 1: the plant "
+        f"is not decentralised integral controllable{ELSE}"
+    )
+    return Obstacle(reason, 0.0, whatever_signs=False)
 
 
-def _matrix(plant: MatrixPlant) -> Obstacle | None:
-    G = plant.response(1e-9 * _slowest_root(plant))[0]
-    sizes = np.linalg.svd(G, compute_uv=False)
-    if sizes[-1] <= SINGULAR * sizes[0]:
-        return Obstacle("the steady-state gain matrix is singular", 0.0)
-    diagonal = np.diag(G)
-    if (np.abs(diagonal) <= SINGULAR * sizes[0]).any():
-        loop = int(np.abs(diagonal).argmin())
-        return Obstacle(f"loop {loop} has no steady-state gain of its own: pair it anew", 0.0)
-    if float((np.linalg.det(G) / np.prod(diagonal)).real) < 0:
-        return Obstacle(
-            "the Niederlinski index is negative: with this pairing integral action in all loops "
-            "is unstable",
-            0.0,
-        )
+def _without_gain(plant: ParallelPlant) -> Obstacle | None:
+    if plant.process.static_gain == 0:
+        return Obstacle("the process has no steady-state gain", 0.0, whatever_signs=plant.n == 1)
     return None
+
+
+def _matrix(G: NDArray[np.complex128]) -> Obstacle | None:
+    if is_singular(G):
+        reason = "the steady-state gain matrix is singular"
+        return Obstacle(reason, 0.0, whatever_signs=True)
+    own = np.abs(np.diag(equilibrate(G)))
+    if own.min() * SINGULAR_CONDITION <= 1:
+        loop = int(own.argmin())
+        reason = f"loop {loop} has no steady-state gain of its own: pair it anew"
+        return Obstacle(reason, 0.0, whatever_signs=False)
+    if float(np.linalg.det(G / np.diag(G)).real) < 0:
+        reason = (
+            "the Niederlinski index is negative: with this pairing, and gains of the signs of the "
+            f"loops' own processes, integral action in all loops is unstable{ELSE}"
+        )
+        return Obstacle(reason, 0.0, whatever_signs=False)
+    return None
+
+
+def _slowest_pole(specification: Specification) -> float:
+    poles = np.abs(specification.uncertainty.weight.poles)
+    return float(poles.min()) if poles.size else 1.0
 
 
 def _slowest_root(plant: Plant) -> float:

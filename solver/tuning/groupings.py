@@ -1,18 +1,28 @@
-"""Which loops share their settings: the partitions of the units that a tuning tries."""
+"""Which loops share their settings: the partitions of the units, and how they are related.
+
+The units of a parallel plant may change places, so a partition of them is a list of sizes, and the
+first group holds the first units.
+"""
 
 from __future__ import annotations
+
+import itertools
+from typing import TYPE_CHECKING
 
 from solver.model.errors import InvalidInputError
 from solver.model.plants import ParallelPlant, Plant
 from solver.tuning.specification import Arrangement, Specification
 
-__all__ = ["Groups", "groupings", "identical_groups"]
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+__all__ = ["Groups", "coarser", "consecutive", "groupings", "identical_groups", "neighbours"]
 
 Groups = tuple[tuple[int, ...], ...]
 
 MAX_CONTROLLERS = 10
 EVERY_SPLIT = 12  # up to so many units every split into two groups is tried
-MANY_GROUPS = 4  # up to so many units fully independent settings are tried as well
+MAX_COARSER = 12  # partitions into two groups whose optima a freer one starts from
 
 
 def identical_groups(plant: Plant) -> Groups:
@@ -21,7 +31,7 @@ def identical_groups(plant: Plant) -> Groups:
 
 
 def groupings(specification: Specification) -> tuple[Groups, ...]:
-    """Partitions to be tuned, the most symmetric first.
+    """Partitions to be tuned, the most symmetric first; for BEST those to begin with.
 
     Raises
     ------
@@ -38,7 +48,7 @@ def groupings(specification: Specification) -> tuple[Groups, ...]:
         if len(sizes) > MAX_CONTROLLERS:
             message = f"at most {MAX_CONTROLLERS} groups"
             raise InvalidInputError(message, "/controller/group_sizes")
-        return (_consecutive(sizes),)
+        return (consecutive(sizes),)
     if arrangement is Arrangement.INDEPENDENT:
         if plant.n > MAX_CONTROLLERS:
             message = (
@@ -46,28 +56,82 @@ def groupings(specification: Specification) -> tuple[Groups, ...]:
                 f"(at most {MAX_CONTROLLERS}); use 'grouped' or 'best'"
             )
             raise InvalidInputError(message, "/controller/arrangement")
-        return (_consecutive((1,) * plant.n),)
-    return _candidates(plant)
-
-
-def _candidates(plant: Plant) -> tuple[Groups, ...]:
-    """Identical, splits in two groups, and for few units all independent."""
-    n = plant.n
+        return (consecutive((1,) * plant.n),)
     found = [identical_groups(plant)]
     if isinstance(plant, ParallelPlant):
-        if n <= EVERY_SPLIT:
-            splits = list(range(1, n // 2 + 1))
-        else:
-            splits = sorted({1, 2, n // 8, n // 4, n // 2})
-        found += [_consecutive((size, n - size)) for size in splits]
-    if n <= (MANY_GROUPS if isinstance(plant, ParallelPlant) else MAX_CONTROLLERS):
-        found.append(_consecutive((1,) * n))
+        found += [consecutive((size, plant.n - size)) for size in _parts(plant.n)]
+    elif plant.n <= MAX_CONTROLLERS:
+        found.append(consecutive((1,) * plant.n))
     return tuple(dict.fromkeys(found))
 
 
-def _consecutive(sizes: tuple[int, ...]) -> Groups:
-    groups, first = [], 0
-    for size in sizes:
-        groups.append(tuple(range(first, first + size)))
-        first += size
-    return tuple(groups)
+def neighbours(groups: Groups) -> tuple[Groups, ...]:
+    """Partitions of a parallel plant beside this one.
+
+    A group split in two, a unit moved from one group to another, two groups merged.
+    """
+    sizes = sorted(len(group) for group in groups)
+    found = []
+    for index, size in enumerate(sizes):
+        rest = sizes[:index] + sizes[index + 1 :]
+        found += [[*rest, part, size - part] for part in _parts(size)]
+    for a, b in itertools.permutations(range(len(sizes)), 2):
+        moved = list(sizes)
+        moved[a] -= 1
+        moved[b] += 1
+        found.append([size for size in moved if size])
+    for a, b in itertools.combinations(range(len(sizes)), 2):
+        rest = [size for index, size in enumerate(sizes) if index not in (a, b)]
+        found.append([*rest, sizes[a] + sizes[b]])
+    different = dict.fromkeys(tuple(sorted(each)) for each in found)
+    return tuple(
+        consecutive(each)
+        for each in different
+        if each != tuple(sizes) and len(each) <= MAX_CONTROLLERS
+    )
+
+
+def coarser(groups: Groups) -> tuple[tuple[Groups, tuple[int, ...]], ...]:
+    """Partitions of a parallel plant whose optima are starts of a freer one.
+
+    Returns
+    -------
+    pairs of Groups and tuple of int
+        One group, or two into which the given ones are merged in any way, as sizes; and which of
+        them each given group belongs to.
+
+    """
+    sizes = [len(group) for group in groups]
+    if len(sizes) == 1:
+        return ()
+    found: dict[tuple[tuple[int, ...], ...], tuple[Groups, tuple[int, ...]]] = {}
+    for members in itertools.islice(_subsets(len(sizes)), 4 * MAX_COARSER):
+        parts = [[sizes[i] for i in members], [s for i, s in enumerate(sizes) if i not in members]]
+        totals = [sum(part) for part in parts]
+        order = [0, 1] if totals[0] <= totals[1] else [1, 0]
+        owner = tuple(order.index(0 if i in members else 1) for i in range(len(sizes)))
+        key = tuple(sorted(tuple(sorted(part)) for part in parts))
+        merged = consecutive([totals[part] for part in order])
+        found.setdefault(key, (merged, owner))
+    pairs = list(found.values())[:MAX_COARSER] if len(sizes) > 2 else []
+    return ((consecutive([sum(sizes)]), (0,) * len(sizes)), *pairs)
+
+
+def consecutive(sizes: Sequence[int]) -> Groups:
+    """Return groups of these sizes, the first one holding the first units."""
+    ends = list(itertools.accumulate(sizes, initial=0))
+    return tuple(tuple(range(*pair)) for pair in itertools.pairwise(ends))
+
+
+def _subsets(count: int) -> Iterator[tuple[int, ...]]:
+    """Subsets of the first `count` numbers that hold 0, but not all of them, small ones first."""
+    for size in range(count - 1):
+        for rest in itertools.combinations(range(1, count), size):
+            yield (0, *rest)
+
+
+def _parts(n: int) -> list[int]:
+    """Sizes of the smaller part of n units: all of them, or a few of very many."""
+    if n <= EVERY_SPLIT:
+        return list(range(1, n // 2 + 1))
+    return sorted({1, 2, n // 8, n // 4, n // 2})

@@ -8,11 +8,13 @@ from solver.model.controllers import DERIVATIVE_FILTER
 from solver.mu.scaling import sweep
 from solver.mu.workspace import compiled
 
-__all__ = ["loop_levels", "winds_as_stable"]
+__all__ = ["ends_at_rest", "loop_levels", "winds_as_stable"]
+
+AT_REST = 0.2  # relative change of det over the last step, a loop gain of about 1/2 by then
 
 
 @compiled
-def loop_levels(theta, signs, omega, G, u, b, layout, all_free, nu, cold, y):
+def loop_levels(theta, signs, lead, omega, G, u, b, layout, all_free, nu, cold, y):
     """Level of every frequency at the settings `theta`, and what `solver.tuning.objective` needs.
 
     Parameters
@@ -21,6 +23,8 @@ def loop_levels(theta, signs, omega, G, u, b, layout, all_free, nu, cold, y):
         Logarithms of the magnitudes of the settings, controller by controller.
     signs : (controllers,)
         Sign of each gain.
+    lead : bool
+        Whether the third setting is a derivative time; what is left then is a filter time.
     omega : (k,)
         Frequencies, rad per time unit, ascending.
     G, u, b, layout, all_free, nu, cold, y
@@ -38,7 +42,7 @@ def loop_levels(theta, signs, omega, G, u, b, layout, all_free, nu, cold, y):
     """
     controllers = signs.size
     per = theta.size // controllers
-    c, dc = _responses(theta, signs, omega)
+    c, dc = _responses(theta, signs, lead, omega)
     level, slope, det = sweep(G, c, u, b, layout, all_free, nu, cold, y)
     gradient = np.empty((omega.size, theta.size))
     for k in range(omega.size):
@@ -61,27 +65,44 @@ def winds_as_stable(det, omega):
 
 
 @compiled
-def _responses(theta, signs, omega):
-    """PI or PID responses (k, controllers), and derivatives in log k, log tau_I and log tau_D."""
+def ends_at_rest(det):
+    """Whether det (k, blocks) changes no more at the last frequency: the loop ends below it."""
+    last = det.shape[0] - 1
+    rest = True
+    for block in range(det.shape[1]):
+        rest &= abs(det[last, block] / det[last - 1, block] - 1.0) < AT_REST
+    return rest
+
+
+@compiled
+def _responses(theta, signs, lead, omega):
+    """Responses (k, controllers), and derivatives in the logarithms of the settings."""
     controllers = signs.size
     per = theta.size // controllers
+    lag = per - 1 if per == (4 if lead else 3) else 0  # place of the filter time
     c = np.empty((omega.size, controllers), np.complex128)
     dc = np.empty((omega.size, controllers, per), np.complex128)
     for j in range(controllers):
-        gain = signs[j] * math.exp(theta[j * per])
-        integral_time = math.exp(theta[j * per + 1])
-        derivative_time = math.exp(theta[j * per + 2]) if per == 3 else 0.0
+        own = theta[j * per : (j + 1) * per]
+        gain = signs[j] * math.exp(own[0])
+        integral_time = math.exp(own[1])
+        derivative_time = math.exp(own[2]) if lead else 0.0
+        filter_time = math.exp(own[lag]) if lag else DERIVATIVE_FILTER * derivative_time
         for k in range(omega.size):
             integral = gain / complex(0.0, omega[k] * integral_time)
-            lead = complex(0.0, omega[k] * derivative_time)
-            filtered = 1.0 + DERIVATIVE_FILTER * lead
-            factor = (1.0 + lead) / filtered
+            leading = complex(0.0, omega[k] * derivative_time)
+            lagging = complex(0.0, omega[k] * filter_time)
+            factor = (1.0 + leading) / (1.0 + lagging)
             c[k, j] = (gain + integral) * factor
             dc[k, j, 0] = c[k, j]
             dc[k, j, 1] = -integral * factor
-            if per == 3:
-                bend = (1 - DERIVATIVE_FILTER) * lead / (filtered * filtered)
+            if lead:
+                bend = leading / (1.0 + lagging)
+                if not lag:  # the filter moves with the derivative time
+                    bend -= lagging * (1.0 + leading) / ((1.0 + lagging) * (1.0 + lagging))
                 dc[k, j, 2] = (gain + integral) * bend
+            if lag:
+                dc[k, j, lag] = -c[k, j] * lagging / (1.0 + lagging)
     return c, dc
 
 

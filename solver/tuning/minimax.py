@@ -23,8 +23,6 @@ from typing import TYPE_CHECKING
 import daqp
 import numpy as np
 
-from solver.tuning.objective import PENALTY
-
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
@@ -173,7 +171,7 @@ class _Model:
         H = np.zeros((size + 2, size + 2))
         H[:size, :size] = self.B
         H.flat[:: size + 3] += [LEAST_CURVATURE] * size + [CURVATURE_OF_S] * 2
-        f = np.array([0.0] * size + [1.0, PENALTY])
+        f = np.array([0.0] * size + [1.0, self.objective.penalty])
         rows = np.concatenate([rows for _, _, rows in planes])
         A = np.empty((rows.size, size + 2))
         A[:, :size] = np.concatenate([-gradient[rows] for gradient, _, rows in planes])
@@ -192,7 +190,7 @@ class _Model:
             return None
         multipliers = np.zeros(here.level.size)
         multipliers[active] = np.abs(info["lam"][size + 2 : size + 2 + active.size])
-        promise = here.merit - here.s - float(x[size]) - PENALTY * float(x[size + 1])
+        promise = here.merit - here.s - float(x[size]) - self.objective.penalty * float(x[size + 1])
         return _Step(np.asarray(x[:size]), promise, multipliers)
 
     def _room(self, other: Evaluation, here: Evaluation) -> NDArray[np.float64]:

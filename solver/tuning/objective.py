@@ -22,7 +22,7 @@ import numpy as np
 from solver.model.controllers import Controller
 from solver.mu.kernel import FINE
 from solver.mu.workspace import TINY
-from solver.tuning.loop_levels import loop_levels, winds_as_stable
+from solver.tuning.loop_levels import ends_at_rest, loop_levels, winds_as_stable
 from solver.tuning.specification import ControllerKind
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ AROUND = (BESIDE * np.array([-1, -0.3, 0, 0.3, 1]), BESIDE * np.array([-0.03, 0,
 
 __all__ = ["BESIDE", "PENALTY", "Evaluation", "Goal", "LoopObjective", "MuGoal", "TauGoal"]
 
-PENALTY = 30.0  # price in s of a missing level; more than its multiplier at any optimum seen
+PENALTY = 30.0  # price in s of a missing level; more than its multiplier as a rule
 
 
 @dataclass(frozen=True)
@@ -64,13 +64,13 @@ class TauGoal:
         level = np.log((square + 1) / (square * M**2 + A**2)) - 2 * math.log(self.target)
         return level, 2 * square * (1 / (square + 1) - M**2 / (square * M**2 + A**2))
 
-    def saturated(self, omega: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Values of s, (k,), from which a frequency's demand falls by less than 1/PENALTY.
+    def saturated(self, omega: NDArray[np.float64], penalty: float) -> NDArray[np.float64]:
+        """Values of s, (k,), from which a frequency's demand falls by less than 1/`penalty`.
 
         There, far above the bandwidth, a frequency is a constraint on the controller and no
         measure of tau_P: a trifle in the level would stand for any tau_P at all.
         """
-        return 0.5 * math.log(2 * PENALTY - 1) - np.log(omega)
+        return 0.5 * math.log(2 * penalty - 1) - np.log(omega)
 
     def attained(
         self, level: NDArray[np.float64], omega: NDArray[np.float64]
@@ -110,7 +110,7 @@ class MuGoal:
         """Level needed at `omega` (k,) for mu^2 = e^s, and its slope in s."""
         return np.full_like(omega, -s), np.full_like(omega, -1.0)
 
-    def saturated(self, omega: NDArray[np.float64]) -> NDArray[np.float64]:
+    def saturated(self, omega: NDArray[np.float64], penalty: float) -> NDArray[np.float64]:  # noqa: ARG002 - as the other goal
         """Infinite, (k,): every frequency measures mu."""
         return np.full_like(omega, np.inf)
 
@@ -204,6 +204,8 @@ class LoopObjective:
         Peaks between those frequencies, which every evaluation follows from where its neighbour
         saw them. The greatest levels then bend with the settings as they really do, which no
         fixed frequency shows.
+    penalty : float
+        Price in s of a missing level.
 
     """
 
@@ -215,11 +217,20 @@ class LoopObjective:
     omega: NDArray[np.float64]
     nu: float = FINE
     followed: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+    penalty: float = PENALTY
 
     @property
     def per_controller(self) -> int:
         """Number of parameters of a controller."""
-        return 3 if self.kind is ControllerKind.PID else 2
+        return len(self.kind.parameters)
+
+    @cached_property
+    def _restless(self) -> bool:
+        """Whether the loop gain need not settle at infinity: dead time and direct feedthrough."""
+        elements = self.blocks.plant.elements
+        return any(e.dead_time > 0 for e in elements) and any(
+            e.relative_degree == 0 for e in elements
+        )
 
     @cached_property
     def _grid(self) -> _Samples:
@@ -231,16 +242,18 @@ class LoopObjective:
             self.blocks.packed(omega),
             self.uncertainty.magnitude(omega) ** 2 / self.goal.target**2,
             self.goal.weight(omega),
-            self.goal.saturated(omega),
+            self.goal.saturated(omega, self.penalty),
         )
 
     def controllers(self, theta: NDArray[np.float64]) -> tuple[Controller, ...]:
         """Return the controllers that `theta` stands for."""
         values = np.exp(theta).reshape(-1, self.per_controller)
-        return tuple(
-            Controller(float(sign * row[0]), float(row[1]), float(row[2]) if row.size > 2 else None)
-            for sign, row in zip(self.signs, values, strict=True)
-        )
+        found = []
+        for sign, row in zip(self.signs, values, strict=True):
+            settings = dict(zip(self.kind.parameters, map(float, row), strict=True))
+            settings["gain"] *= float(sign)
+            found.append(Controller(**settings))
+        return tuple(found)
 
     def evaluate(
         self,
@@ -269,8 +282,9 @@ class LoopObjective:
         attained = self.goal.attained(level, omega)
         value, s = float(attained.max()), float(np.minimum(attained, samples.saturated).max())
         demand, slope = self.goal.demand(s, omega)
-        merit = s + PENALTY * max(float((demand - level).max()), 0.0)
-        if not winds_as_stable(det[: self.omega.size], self.omega):
+        merit = s + self.penalty * max(float((demand - level).max()), 0.0)
+        on_grid = det[: self.omega.size]
+        if not (winds_as_stable(on_grid, self.omega) and (self._restless or ends_at_rest(on_grid))):
             value = merit = math.inf
         return Evaluation(theta, value, s, merit, level, gradient, demand, slope, y, peaks)
 
@@ -314,8 +328,9 @@ class LoopObjective:
         *,
         cold: bool,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.complex128]]:
+        lead = "derivative_time" in self.kind.parameters
         level, gradient, det = loop_levels(
-            theta, self.signs, samples.omega, samples.G, samples.u, samples.b,
+            theta, self.signs, lead, samples.omega, samples.G, samples.u, samples.b,
             self.blocks.layout, not self.goal.skewed, nu, cold, y,
         )  # fmt: skip
         return level, gradient, det

@@ -10,15 +10,19 @@ if TYPE_CHECKING:
     from solver.certificate import Certificate
     from solver.model.controllers import Controller
     from solver.optimality.record import Optimality
-    from solver.robustness.record import Curves, Peaks
+    from solver.robustness.record import Curves, Guarantee, Peaks
 
 __all__ = ["Comparison", "LocalOptimum", "Progress", "SearchSummary", "Status", "Tuning"]
+
+
+ROUNDING = 1e-7  # of a peak of mu that is 1 at the optimum
 
 
 class Status(StrEnum):
     """How a tuning ended, and what to try next.
 
     OPTIMAL: the best settings found meet the specification.
+    LOCAL: the best settings beside given ones; the full search may do better.
     INFEASIBLE: none were found that do; `Tuning.reason` names what forbids it. Try (a) less
     uncertainty, (b) a larger permitted sensitivity peak, (c) wider parameter bounds.
     TIME_LIMIT: the search was cut short; the settings, if any, are the best up to then. Try (a)
@@ -26,6 +30,7 @@ class Status(StrEnum):
     """
 
     OPTIMAL = "optimal"
+    LOCAL = "local"
     INFEASIBLE = "infeasible"
     TIME_LIMIT = "time_limit"
 
@@ -91,7 +96,8 @@ class Tuning:
     frequency (rad per time unit), `search` of what was tried, `comparison` of identical
     settings beside unlike ones, `warnings` of what to look at twice; `certificate` is there
     where it was asked for and found. `tau_p` (time units) and the peaks belong to `loops`, one
-    a unit, `groups` lists the units that share settings; `integrity` says in one line what
+    a unit, `groups` lists the units that share settings; `guarantee` tells what is proven of the
+    peak for all frequencies; `integrity` says in one line what
     happens with loops in manual; `optimality` how far tau_p is from the least possible one.
     Where `status` is INFEASIBLE, `reason` and `omega` (the frequency that forbids it, rad per
     time unit) say why, and the other fields are None or empty.
@@ -106,6 +112,7 @@ class Tuning:
     nominally_stable: bool
     search: SearchSummary
     curves: Curves | None
+    guarantee: Guarantee | None = None
     comparison: Comparison | None = None
     certificate: Certificate | None = None
     optimality: Optimality | None = None
@@ -113,3 +120,8 @@ class Tuning:
     reason: str | None = None
     omega: float | None = None
     warnings: tuple[str, ...] = field(default=())
+
+    @property
+    def demand_met(self) -> bool:
+        """Whether the peak of robust performance is at most 1, rounding apart."""
+        return self.peaks is not None and self.peaks.robust_performance.value <= 1 + ROUNDING

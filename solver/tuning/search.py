@@ -16,16 +16,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.model.blocks import reduce
-from solver.model.frequencies import corners, grid, low_end, resonances
-from solver.model.peaks import local_peaks
+from solver.model.frequencies import corners, grid, resonances
+from solver.model.peaks import Peak
 from solver.model.plants import ParallelPlant
+from solver.model.transfer_function import LARGEST
 from solver.model.weights import Performance
-from solver.mu.kernel import FINE
 from solver.optimality.record import SettingsProblem
-from solver.tuning.bounds import gain_signs, parameter_box
-from solver.tuning.minimax import minimise
-from solver.tuning.objective import BESIDE, Evaluation, Goal, LoopObjective, MuGoal, TauGoal
-from solver.tuning.specification import Objective, Specification
+from solver.tuning.bounds import gain_signs, search_region
+from solver.tuning.exact import WEAKEST, Candidate, ExactDescent
+from solver.tuning.minimax import Box
+from solver.tuning.objective import Evaluation, Goal, LoopObjective, MuGoal, TauGoal
+from solver.tuning.phases import Phases
+from solver.tuning.specification import ControllerKind, Objective, Specification
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -34,25 +36,19 @@ if TYPE_CHECKING:
 
     from solver.tuning.groupings import Groups
 
-__all__ = ["Candidate", "GroupingSearch", "Optimum"]
+__all__ = ["Freedom", "GroupingSearch", "Optimum"]
 
 POINTS_PER_DECADE = 11
-STARTS_PER_PARAMETER = 3
-STARTS_BEFORE_HOPS = 2  # a parameter, where the search goes on from the best optimum
+FAR = 1e6  # over the end of the grid: there what is not fed through has died away
+PHASES = 64  # of a dead time at infinity
 SAME_VALUE = 5e-3  # difference of s below which two optima may be one
 SAME_PLACE = 0.05  # and of the log parameters
 FLAT = 1e-4  # difference of s between optima that are one to the count of optima
 ROUGH = 1e-5  # tolerance in s of a start's descent
 ROUGH_NU = 1e-4  # and its barrier parameter
-EXACT = 1e-8  # of the last descent
-SETTLED = 1e-8  # excess of the demand anywhere on the axis at which the last descent may end
-NEARLY_ACTIVE = 0.05  # excess of the demand from which a peak is followed
-WEAKEST = 1e-12  # gain of a direction over that of the strongest one
 POLISHED = 3  # optima whose exact values are found
-FIRST_ZOOMS = 2  # rounds of zooming before a peak is followed
-EXACT_ROUNDS = 10
-ENOUGH_ROOM = -0.02  # log mu^2 at which the first phase ends
 HOP = 1.0  # in log time
+SWAPPED = 2  # optima whose times are swapped
 GAIN_STEP = 0.3  # an unstable start is tried again with this share of its gains
 GAIN_STEPS = 12
 
@@ -66,21 +62,29 @@ class Optimum:
     count: int
 
 
-@dataclass(frozen=True)
-class Candidate:
-    """Settings with their exact value: s right between the grid points too.
+_Found = Optimum | Candidate
 
-    `peaks` are the frequencies where it is attained, `excess` is the most by which they miss the
-    level that the estimate of s demanded.
+
+def _of_grid(found: Evaluation) -> Optimum:
+    # A trifle that is missing far above the bandwidth would stand for any value.
+    return Optimum(found.theta, found.merit, 0)
+
+
+@dataclass(frozen=True)
+class Freedom:
+    """What a search may choose: which units share settings, which parameters, with which signs.
+
+    `signs` are those of the groups' gains.
     """
 
-    theta: NDArray[np.float64]
-    value: float
-    peaks: NDArray[np.float64]
-    excess: float
+    groups: Groups
+    kind: ControllerKind
+    signs: tuple[float, ...]
 
-
-_Found = Evaluation | Optimum | Candidate
+    @classmethod
+    def usual(cls, specification: Specification, groups: Groups) -> Freedom:
+        """Return that of a task for one grouping, with the usual signs."""
+        return cls(groups, specification.kind, gain_signs(specification.plant, groups))
 
 
 class GroupingSearch:
@@ -90,8 +94,8 @@ class GroupingSearch:
     ----------
     specification : Specification
         The task.
-    groups : Groups
-        The partition of the units.
+    freedom : Freedom
+        What may be chosen; the kind is the task's, or the one without its filter.
     target : float
         Greatest mu that the settings may have.
     checkpoint : callable
@@ -102,16 +106,22 @@ class GroupingSearch:
     def __init__(
         self,
         specification: Specification,
-        groups: Groups,
+        freedom: Freedom,
         target: float,
         checkpoint: Callable[[float], None],
     ) -> None:
+        self.freedom = freedom
+        bounds = specification.bounds
+        if freedom.kind is not specification.kind:
+            bounds = replace(bounds, filter_time=None)
+        specification = replace(specification, kind=freedom.kind, bounds=bounds)
         self.specification = specification
-        self.groups = groups
+        self.groups = groups = freedom.groups
         self.checkpoint = checkpoint
         plant, uncertainty = specification.plant, specification.uncertainty
         self.blocks = reduce(plant, groups, uncertainty.structure)
-        self.box = parameter_box(specification, groups)
+        self.region = search_region(specification, groups)
+        self.box = self.region.box
         performance = specification.performance
         goal: Goal
         if specification.objective is Objective.TAU_P:
@@ -120,13 +130,14 @@ class GroupingSearch:
             goal = MuGoal(performance)
         bends = corners(plant, uncertainty)
         omega = grid(1e-2 * bends[0], 30 * bends[-1], POINTS_PER_DECADE, [resonances(plant)])
-        omega = np.concatenate([self._below(omega[0]), omega])
-        signs = gain_signs(plant, groups)
+        omega = np.concatenate([self._below(omega[0]), omega, self._far(omega[-1])])
         self.objective = LoopObjective(
-            self.blocks, uncertainty, goal, specification.kind, signs, omega, ROUGH_NU
+            self.blocks, uncertainty, goal, freedom.kind, np.array(freedom.signs), omega, ROUGH_NU
         )
         slow = Performance(performance.max_peak, performance.offset)
-        self.feasibility = replace(self.objective, goal=MuGoal(slow, target))
+        feasibility = replace(self.objective, goal=MuGoal(slow, target))
+        self.phases = Phases(feasibility, self.box, checkpoint)
+        self.exact = ExactDescent(specification, self.objective, self.phases)
         self.optima: list[Optimum] = []
         self.closest: Evaluation | None = None
 
@@ -138,9 +149,27 @@ class GroupingSearch:
         blocks = self.blocks.response(bend)
         singular = np.concatenate([np.linalg.svd(G[0], compute_uv=False) for G in blocks])
         weakest = max(singular.min() / singular.max(), WEAKEST)
-        low = 1e-2 * bend * weakest
-        between = np.geomspace(low, bend, math.ceil(math.log10(bend / low)) + 1)[1:-1]
+        # An integral time far above the plant's own bends the curves down there.
+        low = min(1e-2 * bend * weakest, 1e-2 * math.exp(-self._longest))
+        between = np.geomspace(low, bend, 2 * math.ceil(math.log10(bend / low)) + 1)[1:-1]
         return np.concatenate([[low, 2 * low], between])
+
+    def _far(self, end: float) -> NDArray[np.float64]:
+        """Frequencies that stand for infinity, where what dead time feeds through has any phase.
+
+        They spread over one turn of the shortest dead time that feeds through.
+        """
+        dead_times = [e.dead_time for e in self.specification.plant.elements
+                      if e.dead_time > 0 and e.relative_degree == 0]  # fmt: skip
+        if not dead_times:
+            return np.empty(0)
+        start = FAR * max(end, 1 / min(dead_times))
+        return np.asarray(start + 2 * math.pi * np.arange(PHASES) / PHASES / min(dead_times))
+
+    @property
+    def _longest(self) -> float:
+        """Logarithm of the longest integral time that starts are drawn from."""
+        return float(self.region.starts.high[1 :: len(self.specification.kind.parameters)].max())
 
     @property
     def problem(self) -> SettingsProblem:
@@ -150,12 +179,6 @@ class GroupingSearch:
             self.blocks, objective.uncertainty, self.specification.performance, objective.signs,
             self.box.low, self.box.high, objective.omega,
         )  # fmt: skip
-
-    @property
-    def default_starts(self) -> int:
-        """Most starts when no number is asked for: the more parameters, the more optima."""
-        each = STARTS_PER_PARAMETER if len(self.groups) == 1 else STARTS_BEFORE_HOPS
-        return each * self.box.low.size
 
     @property
     def settled(self) -> bool:
@@ -172,7 +195,7 @@ class GroupingSearch:
         return w > 0 and w * (N - 1) < (w + 0.5) * (N - w - 2)
 
     def starts(self, count: int) -> NDArray[np.float64]:
-        """Return starting points (count, m), well spread over the box, that the seed fixes.
+        """Return starting points (count, m), well spread over their region, that the seed fixes.
 
         Multiples of powers of the generalised golden ratio, modulo 1 (Roberts 2018).
         """
@@ -182,7 +205,8 @@ class GroupingSearch:
             ratio = (1 + ratio) ** (1 / (size + 1))
         first = np.random.default_rng(self.specification.seed).random(size)
         steps = np.arange(1, count + 1)[:, None] * ratio ** -np.arange(1.0, size + 1)
-        return np.asarray(self.box.low + (first + steps) % 1 * (self.box.high - self.box.low))
+        low, high = self.region.starts.low, self.region.starts.high
+        return np.asarray(low + (first + steps) % 1 * (high - low))
 
     def descend(self, theta: NDArray[np.float64], count: int = 1) -> None:
         """Remember the local optimum below one start, if it leads to feasible settings.
@@ -193,24 +217,37 @@ class GroupingSearch:
         if here is None:
             return
         if self.objective.goal.skewed:
-            here = minimise(
-                self.feasibility, here, self.box, tolerance=1e-4, max_iterations=80,
-                enough=lambda e: e.merit <= ENOUGH_ROOM,
-                checkpoint=lambda _: self.checkpoint(math.inf),
-            )  # fmt: skip
-            if self.closest is None or here.value < self.closest.value:
-                self.closest = here
-            if here.value >= 0:
+            feasible = self.phases.feasible(here)
+            if self.closest is None or feasible.value < self.closest.value:
+                self.closest = feasible
+            if feasible.value >= 0:
                 return
-            here = self.objective.evaluate(here.theta)
-        if math.isfinite(here.merit):
-            here = minimise(
-                self.objective, here, self.box, tolerance=ROUGH, checkpoint=self.checkpoint,
-                enough=lambda e: self._known(e) is not None,
-            )  # fmt: skip
-        if not math.isfinite(here.value):
+            here = self.objective.evaluate(feasible.theta)
+        found = self.phases.best(self.objective, here, ROUGH, self._is_known)
+        if math.isfinite(found.merit):
+            self._remember(_of_grid(found), count)
+
+    def _is_known(self, here: Evaluation) -> bool:
+        return self._known(_of_grid(here)) is not None
+
+    def swap(self) -> None:
+        """Descend from the best optima with tau_I and tau_D in each other's place.
+
+        The cascade form is nearly symmetric in the two, so optima come in pairs; what stays the
+        same is the gain at low frequencies, k/tau_I.
+        """
+        per = self.objective.per_controller
+        if "derivative_time" not in self.specification.kind.parameters:
             return
-        self._remember(here, count)
+        for best in [optimum.theta for optimum in self.optima[:SWAPPED]]:
+            rows = [[j] for j in range(len(self.groups))]
+            if len(rows) > 1:
+                rows.append(list(range(len(rows))))
+            for chosen in rows:
+                theta = best.reshape(-1, per).copy()
+                theta[chosen, 0] += theta[chosen, 2] - theta[chosen, 1]
+                theta[chosen, 1:3] = theta[chosen, 2:0:-1]
+                self.descend(self.box.clip(theta.ravel()), count=0)
 
     def hop(self) -> None:
         """Descend from beside the best optimum, until none better is found.
@@ -229,6 +266,40 @@ class GroupingSearch:
             if self.optima[0].value < best.value - ROUGH:
                 left = list(moves)
 
+    def slowest_demand(self, here: Evaluation) -> Peak:
+        """Return the peak of mu under an infinitely slow demand, between the grid's points too."""
+        exact = replace(self.exact, objective=self.phases.feasibility)
+        found = exact.measure(here.theta, here.value)
+        mu = exact.attained(found.theta, found.peaks)
+        return Peak(math.exp(float(mu.max()) / 2), float(found.peaks[mu.argmax()]))
+
+    def on_given_bounds(self, theta: NDArray[np.float64]) -> list[str]:
+        """Return the names of the parameters that lie on bounds that the user gave."""
+        names = self.objective.kind.parameters
+        on = np.stack([theta <= self.box.low, theta >= self.box.high], axis=1) & self.region.given
+        return sorted({names[index % len(names)] for index in np.flatnonzero(on.any(axis=1))})
+
+    def look_at(self, omega: NDArray[np.float64]) -> None:
+        """Add frequencies (rad per time unit), where a proof found more, to the grid."""
+        omega = np.union1d(self.objective.omega, omega)
+        self._on(omega)
+
+    def widen(self, theta: NDArray[np.float64], index: int, factor: float) -> None:
+        """Move the bound of one parameter that `theta` is on outwards."""
+        low, high = self.box.low.copy(), self.box.high.copy()
+        if theta[index] - low[index] < high[index] - theta[index]:
+            low[index] -= math.log(factor)
+        else:
+            high[index] = min(high[index] + math.log(factor), math.log(LARGEST))
+        self.box = Box(low, high)
+        self._on(self.objective.omega)
+
+    def _on(self, omega: NDArray[np.float64]) -> None:
+        self.objective = replace(self.objective, omega=omega)
+        feasibility = replace(self.objective, goal=self.phases.feasibility.goal)
+        self.phases = replace(self.phases, feasibility=feasibility, box=self.box)
+        self.exact = replace(self.exact, objective=self.objective, phases=self.phases)
+
     def polish(self) -> list[Candidate]:
         """Replace the best optima of the grid by exact ones, and return those.
 
@@ -243,134 +314,29 @@ class GroupingSearch:
                 self._remember(optimum, optimum.count)
             elif attempts < POLISHED:
                 attempts += 1
-                candidate = self.exact(optimum.theta, best)
+                candidate = self.exact.descend(optimum.theta, best)
                 if candidate is not None:
                     found.append(candidate)
                     best = min(best, candidate.value)
                     self._remember(candidate, optimum.count)
         return found
 
-    def exact(self, theta: NDArray[np.float64], beaten: float = math.inf) -> Candidate | None:
-        """Descend with the peaks followed, until the value is that of the whole axis.
-
-        None where no settings near `theta` meet the demand between the grid's points too. Ends
-        early where the value cannot fall below `beaten`.
-        """
-        peaks = self._peaks_between(self.objective.evaluate(theta))
-        omega = self.objective.omega
-        best: Candidate | None = None
-        candidate: Candidate | None = None
-        for _ in range(EXACT_ROUNDS):
-            objective = replace(self.objective, omega=omega, nu=FINE, followed=peaks)
-            here = objective.evaluate(theta)
-            if not math.isfinite(here.merit) and objective.goal.skewed:
-                here = self._restored(objective, theta)
-            if not math.isfinite(here.merit):
-                break
-            here = minimise(objective, here, self.box, tolerance=EXACT, checkpoint=self.checkpoint)
-            before, candidate = candidate, self.measure(here.theta, here.s)
-            if best is None or candidate.value < best.value:
-                best = candidate
-            stuck = before is not None and abs(candidate.value - before.value) < SETTLED
-            # Here is the least value for fewer frequencies than there are.
-            if stuck or candidate.excess <= SETTLED or here.merit > beaten:
-                break
-            # Some peak was not followed, or is a kink, which no parabola meets: follow it from now
-            # on, and hold it at its place too.
-            missed = self._missed(here, omega, candidate.peaks)
-            far = np.abs(np.log(missed[:, None] / here.peaks)) > BESIDE
-            peaks = np.append(here.peaks, missed[far.all(axis=1)])
-            theta, omega = here.theta, np.union1d(omega, candidate.peaks)
-        return best if best is not None and math.isfinite(best.value) else None
-
-    def _peaks_between(self, here: Evaluation) -> NDArray[np.float64]:
-        """Return the peaks of the demand's excess between the points of the grid."""
-        omega = self.objective.omega
-        peaks, _ = local_peaks(
-            lambda points: self._excess(here, points), omega, here.demand - here.level,
-            within=NEARLY_ACTIVE, rounds=FIRST_ZOOMS,
-        )  # fmt: skip
-        return self._missed(here, omega, peaks)
-
-    def _missed(
-        self, here: Evaluation, omega: NDArray[np.float64], peaks: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        """Those of the peaks that the fixed frequencies `omega` of an evaluation do not show.
-
-        A plateau, or an end of the axis, is shown.
-        """
-        shown = (here.demand - here.level)[: omega.size]
-        right = np.clip(np.searchsorted(omega, peaks), 1, omega.size - 1)
-        highest = np.maximum(shown[right - 1], shown[right])
-        return peaks[self._excess(here, peaks) > highest + SETTLED]
-
-    def _excess(self, here: Evaluation, omega: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Demand less level at any frequencies, (k,), for the settings and s of an evaluation."""
-        return self.objective.goal.demand(here.s, omega)[0] - self.objective.levels(
-            here.theta, omega
-        )
-
-    def measure(self, theta: NDArray[np.float64], s: float) -> Candidate:
-        """Return the exact value of given parameters near `s`, by refining every peak."""
-        bends = corners(
-            self.specification.plant,
-            self.specification.uncertainty,
-            self.objective.controllers(theta),
-        )
-        low = low_end(
-            lambda points: np.exp(self._attained(theta, points)),
-            min(1e-4 * bends[0], self.objective.omega[0]),
-            WEAKEST * bends[0],
-        )
-        high = max(1e2 * bends[-1], self.objective.omega[-1])
-        extra = [resonances(self.specification.plant), bends, self.objective.omega]
-        omega = grid(low, high, 2 * POINTS_PER_DECADE, extra)
-        missed = []
-        for _ in range(2):  # the peaks of the demand's excess move little with s
-
-            def excess(points: NDArray[np.float64], at: float = s) -> NDArray[np.float64]:
-                demand = self.objective.goal.demand(at, points)[0]
-                return demand - self.objective.levels(theta, points)
-
-            peaks, missing = local_peaks(excess, omega, excess(omega))
-            missed.append(float(missing.max()))
-            s = float(self._attained(theta, peaks).max())
-            if not math.isfinite(s):
-                break
-        return Candidate(theta, s, peaks, missed[0])
-
-    def _attained(
-        self, theta: NDArray[np.float64], omega: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        return self.objective.goal.attained(self.objective.levels(theta, omega), omega)
-
-    def _restored(self, objective: LoopObjective, theta: NDArray[np.float64]) -> Evaluation:
-        """Return a neighbour for which some tau_P exists at the frequencies of `objective`."""
-        feasibility = replace(objective, goal=self.feasibility.goal)
-        here = minimise(
-            feasibility, feasibility.evaluate(theta), self.box, enough=lambda e: e.merit <= -1e-3,
-            checkpoint=lambda _: self.checkpoint(math.inf),
-        )  # fmt: skip
-        return objective.evaluate(here.theta)
-
     def canonical(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the permuted copy that stands for all: equal groups by descending gain."""
+        """Return the permuted copy that stands for all: groups alike by descending gain."""
         rows = theta.reshape(len(self.groups), -1)
         if not isinstance(self.specification.plant, ParallelPlant):
             return theta
-        order = sorted(range(len(rows)), key=lambda i: (len(self.groups[i]), *(-rows[i])))
-        sizes = [len(group) for group in self.groups]
-        # Only groups of equal size may change places.
+        alike = list(zip(map(len, self.groups), self.objective.signs.tolist(), strict=True))
         result = rows.copy()
-        for size in set(sizes):
-            places = [i for i in range(len(rows)) if sizes[i] == size]
-            for place, source in zip(places, [i for i in order if sizes[i] == size], strict=True):
-                result[place] = rows[source]
+        for kind in set(alike):
+            places = [i for i in range(len(rows)) if alike[i] == kind]
+            order = sorted(places, key=lambda i: tuple(-rows[i]))
+            result[places] = rows[order]
         return result.ravel()
 
     def _stable(self, theta: NDArray[np.float64]) -> Evaluation | None:
         """Evaluate a start, its gains lowered until the loop is stable."""
-        objective = self.feasibility if self.objective.goal.skewed else self.objective
+        objective = self.phases.feasibility if self.objective.goal.skewed else self.objective
         gains = np.zeros_like(theta)
         gains[:: self.objective.per_controller] = math.log(GAIN_STEP)
         for _ in range(GAIN_STEPS):

@@ -5,22 +5,65 @@ from __future__ import annotations
 from dataclasses import KW_ONLY, dataclass
 from enum import StrEnum
 
+from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError
 from solver.model.plants import ParallelPlant, Plant
-from solver.model.validation import choice, flag, instance, integer, integers, real, reals, settle
+from solver.model.validation import (
+    choice,
+    flag,
+    instance,
+    instances,
+    integer,
+    integers,
+    real,
+    reals,
+    settle,
+)
 from solver.model.weights import Performance, Uncertainty
 
-__all__ = ["Arrangement", "Bounds", "ControllerKind", "Objective", "Specification"]
+__all__ = ["Arrangement", "Bounds", "ControllerKind", "Objective", "Signs", "Specification"]
 
 MAX_STARTS = 1000
 MOST_PROVEN = 2  # controllers, and units of a matrix plant, up to which optimality is proven
 
 
 class ControllerKind(StrEnum):
-    """PI or PID, in cascade form."""
+    """Which of a controller's parameters are sought, in cascade form.
+
+    PI: gain and integral time. PID: and derivative time, its filter a tenth of it. PIF, PIDF: the
+    filter time is free too.
+    """
 
     PI = "PI"
     PID = "PID"
+    PIF = "PIF"
+    PIDF = "PIDF"
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of one controller's parameters, in their order in the search."""
+        names: tuple[str, ...] = ("gain", "integral_time")
+        if self in (ControllerKind.PID, ControllerKind.PIDF):
+            names += ("derivative_time",)
+        if self in (ControllerKind.PIF, ControllerKind.PIDF):
+            names += ("filter_time",)
+        return names
+
+    @property
+    def without_filter(self) -> ControllerKind:
+        """The kind whose filter is not free."""
+        return ControllerKind(self.value.removesuffix("F"))
+
+
+class Signs(StrEnum):
+    """Signs of the gains.
+
+    USUAL: those of the units' own steady-state gains, which loops that are to work alone need.
+    ANY: where no settings with those signs meet the demand, the others are tried too.
+    """
+
+    USUAL = "usual"
+    ANY = "any"
 
 
 class Arrangement(StrEnum):
@@ -51,16 +94,17 @@ class Objective(StrEnum):
 class Bounds:
     """Permitted range (low, high) of each parameter's magnitude; None: chosen from the plant.
 
-    Of the `gain` (input unit per output unit), the `integral_time` and the `derivative_time`
-    (time unit of the plant).
+    Of the `gain` (input unit per output unit), the `integral_time`, the `derivative_time` and the
+    `filter_time` (time unit of the plant).
     """
 
     gain: tuple[float, float] | None = None
     integral_time: tuple[float, float] | None = None
     derivative_time: tuple[float, float] | None = None
+    filter_time: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
-        for name in ("gain", "integral_time", "derivative_time"):
+        for name in ("gain", "integral_time", "derivative_time", "filter_time"):
             pair = getattr(self, name)
             if pair is None:
                 continue
@@ -86,6 +130,8 @@ class Specification:
         the sizes sum to `plant.n` and the first group holds the first units.
     bounds : Bounds
         Parameter bounds; none of a parameter that the kind does not have.
+    signs : Signs
+        Signs of the gains.
     starts : int or None
         Starts of the search, 1..1000; None: until no further optimum is to be expected.
     seed : int
@@ -94,6 +140,8 @@ class Specification:
         Seconds, > 0.
     certificate : bool
         Whether the result must carry a proof for all frequencies.
+    start : tuple of Controller or None
+        One loop a unit: only the best settings beside these are sought, in a tenth of the time.
     optimality_gap : bool
         Whether to prove how far tau_P is from the least possible one. For PI, objective TAU_P and
         at most two different controllers; a matrix plant has at most two units.
@@ -109,15 +157,18 @@ class Specification:
     group_sizes: tuple[int, ...] | None = None
     objective: Objective = Objective.TAU_P
     bounds: Bounds = Bounds()
+    signs: Signs = Signs.USUAL
     starts: int | None = None
     seed: int = 0
     time_limit: float | None = None
     certificate: bool = False
     optimality_gap: bool = False
+    start: tuple[Controller, ...] | None = None
 
     def __post_init__(self) -> None:
         self._settle()
         self._check_groups()
+        self._check_start()
         if self.optimality_gap:
             self._check_optimality_gap()
         if self.objective is Objective.MU and self.performance.tau_p is None:
@@ -126,9 +177,10 @@ class Specification:
         if self.objective is Objective.TAU_P and self.performance.tau_p is not None:
             message = "the objective tau_p seeks the time constant: leave it out, or take mu"
             raise InvalidInputError(message, "/performance/tau_p")
-        if self.kind is ControllerKind.PI and self.bounds.derivative_time is not None:
-            message = "a PI controller has no derivative time to bound"
-            raise InvalidInputError(message, "/controller/bounds/derivative_time")
+        for name in ("derivative_time", "filter_time"):
+            if getattr(self.bounds, name) is not None and name not in self.kind.parameters:
+                message = f"of a {self.kind} controller the {name.replace('_', ' ')} is not sought"
+                raise InvalidInputError(message, f"/controller/bounds/{name}")
         if self.starts is not None and not 1 <= self.starts <= MAX_STARTS:
             message = f"the number of starts must lie in 1..{MAX_STARTS}"
             raise InvalidInputError(message, "/search/starts")
@@ -149,6 +201,7 @@ class Specification:
             kind=choice(ControllerKind, self.kind, "/controller/kind"),
             arrangement=choice(Arrangement, self.arrangement, "/controller/arrangement"),
             objective=choice(Objective, self.objective, "/objective"),
+            signs=choice(Signs, self.signs, "/controller/signs"),
             seed=integer(self.seed, "/search/seed"),
             certificate=flag(self.certificate, "/certificate"),
             optimality_gap=flag(self.optimality_gap, "/search/optimality_gap"),
@@ -158,6 +211,8 @@ class Specification:
             settle(self, group_sizes=sizes)
         if self.starts is not None:
             settle(self, starts=integer(self.starts, "/search/starts"))
+        if self.start is not None:
+            settle(self, start=instances(self.start, Controller, "/search/start"))
         if self.time_limit is not None:
             settle(self, time_limit=real(self.time_limit, "/search/time_limit"))
 
@@ -178,6 +233,18 @@ class Specification:
         if sum(self.group_sizes) != self.plant.n:
             message = f"group sizes sum to {sum(self.group_sizes)}, the plant has {self.plant.n}"
             raise InvalidInputError(message, where)
+
+    def _check_start(self) -> None:
+        if self.start is None:
+            return
+        if len(self.start) != self.plant.n:
+            message = f"{len(self.start)} loops to start from, the plant has {self.plant.n} units"
+            raise InvalidInputError(message, "/search/start")
+        for index, loop in enumerate(self.start):
+            for name in ("integral_time", "derivative_time", "filter_time"):
+                if getattr(loop, name) is not None and name not in self.kind.parameters:
+                    message = f"a {self.kind} controller has no {name}"
+                    raise InvalidInputError(message, f"/search/start/{index}/{name}")
 
     def _check_optimality_gap(self) -> None:
         where = "/search/optimality_gap"

@@ -1,79 +1,35 @@
-"""From a specification to the best settings: groupings, starts, exact value, checked result."""
+"""From a specification to the best settings: groupings, signs, proven value, checked result."""
 
 from __future__ import annotations
 
 import math
-import time
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from solver.certificate.search import prove
-from solver.model.errors import InvalidInputError
 from solver.model.open_loop import require_supported
 from solver.model.plants import ParallelPlant
-from solver.model.remarks import plant_remarks
-from solver.model.transfer_function import LARGEST
 from solver.model.validation import instance
-from solver.robustness.curves import LoopAnalysis
-from solver.robustness.integrity import in_one_line
-from solver.stability.closed_loop import unstable_poles
-from solver.tuning.bounds import parameter_names
-from solver.tuning.feasibility import obstacle
-from solver.tuning.groupings import groupings, identical_groups
-from solver.tuning.output_units import output_units_warning
-from solver.tuning.record import Comparison, LocalOptimum, Progress, SearchSummary, Status, Tuning
-from solver.tuning.search import Candidate, GroupingSearch
-from solver.tuning.specification import Arrangement, Objective, Specification
+from solver.tuning.bounds import gain_signs
+from solver.tuning.clock import Clock, OutOfTimeError
+from solver.tuning.feasibility import obstacle, other_signs
+from solver.tuning.given_start import given_groups, signs_of
+from solver.tuning.groupings import groupings, neighbours
+from solver.tuning.record import Status
+from solver.tuning.report import MARGIN, infeasible, report
+from solver.tuning.search import Freedom
+from solver.tuning.solutions import Solution, Solutions
+from solver.tuning.specification import Arrangement, Objective, Signs, Specification
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
-    from solver.certificate import Certificate
     from solver.model.controllers import Controller
-    from solver.model.weights import Performance
-    from solver.optimality.record import Optimality
     from solver.tuning.groupings import Groups
+    from solver.tuning.record import Progress, Tuning
 
 __all__ = ["tune"]
 
 WORTH_IT = 1.0  # per cent that asymmetry must gain before 'best' prefers it
-PROGRESS_INTERVAL = 0.1  # seconds
-MARGIN = 2e-4  # of mu, where a proof for all frequencies is wanted; costs about 0.1 % of tau_P
-ROUNDING = 1e-9  # relative addition to tau_P that keeps mu <= 1 under rounding
-
-
-class _OutOfTimeError(Exception):
-    """The time limit has passed."""
-
-
-class _Clock:
-    """Calls the user's progress function now and then, and watches the time limit."""
-
-    def __init__(self, limit: float | None, progress: Callable[[Progress], None] | None) -> None:
-        self.started = time.monotonic()
-        self.limit = limit
-        self.progress = progress
-        self.best = math.inf
-        self.done = 0
-        self.total = 1
-        self._last = -math.inf
-
-    @property
-    def elapsed(self) -> float:
-        return time.monotonic() - self.started
-
-    def tick(self, value: float = math.inf, *, as_objective: Callable[[float], float]) -> None:
-        now = self.elapsed
-        if math.isfinite(value):
-            self.best = min(self.best, as_objective(value))
-        if self.limit is not None and now > self.limit:
-            raise _OutOfTimeError
-        if self.progress is not None and now - self._last > PROGRESS_INTERVAL:
-            self._last = now
-            best = self.best if math.isfinite(self.best) else None
-            fraction = min(self.done / self.total, 1.0)
-            self.progress(Progress(fraction, best, self.done, self.total))
+FINER_WORTH_IT = 0.01  # per cent that one more group must gain, more than two optima may differ by
 
 
 def tune(
@@ -105,278 +61,142 @@ def tune(
     """
     instance(specification, Specification, "/specification")
     require_supported(specification.plant)
-    partitions = groupings(specification)
-    clock = _Clock(specification.time_limit, progress)
-    forbidden = obstacle(specification)
-    if forbidden is not None:
-        return _infeasible(specification, partitions[0], clock, forbidden.reason, forbidden.omega)
-    return _Run(specification, partitions, clock).result()
+    return _Run(specification, progress).result()
 
 
 class _Run:
-    """One tuning: the searches of all its groupings."""
+    """One tuning."""
 
     def __init__(
-        self, specification: Specification, partitions: tuple[Groups, ...], clock: _Clock
+        self, specification: Specification, progress: Callable[[Progress], None] | None
     ) -> None:
         self.specification = specification
-        self.partitions = partitions
-        self.clock = clock
-        self.target = 1 - MARGIN if specification.certificate else 1.0
-        self.searches: list[GroupingSearch] = []
-        self.found: list[tuple[GroupingSearch, Candidate]] = []
-        self.identical: Candidate | None = None
-        self.identical_search: GroupingSearch | None = None
+        self.partitions = list(groupings(specification))
+        self.clock = Clock(specification.time_limit, progress, self.as_objective)
+        target = 1 - MARGIN if specification.certificate else 1.0
+        self.solutions = Solutions(specification, target, self.clock)
         self.status = Status.OPTIMAL
+        self.found: list[Solution] = []
 
     def as_objective(self, s: float) -> float:
         """Return tau_P, or mu, of the value s."""
         return math.exp(s if self.specification.objective is Objective.TAU_P else s / 2)
 
     def result(self) -> Tuning:
-        specification = self.specification
-        one = identical_groups(specification.plant)
-        order = list(self.partitions)
-        # Identical settings are cheap and a start for every other grouping, so none is worse.
-        comparable = isinstance(specification.plant, ParallelPlant) or one in order
-        if comparable and one not in order:
-            order.insert(0, one)
-        self.searches = [
-            GroupingSearch(specification, groups, self.target, self._tick) for groups in order
-        ]
-        counts = [specification.starts or search.default_starts for search in self.searches]
-        self.clock.total = sum(counts)
+        """Search, choose, report."""
+        forbidden = obstacle(self.specification)
+        if forbidden is not None and (
+            forbidden.whatever_signs or self.specification.signs is Signs.USUAL
+        ):
+            return infeasible(
+                self.specification, self.partitions[0], self.clock, forbidden.reason,
+                forbidden.omega,
+            )  # fmt: skip
         try:
-            for search, count in zip(self.searches, counts, strict=True):
-                self._search(search, count, keep=search.groups in self.partitions)
-        except _OutOfTimeError:
+            if self.specification.start is not None:
+                self._from_start(self.specification.start)
+            else:
+                self._everywhere(usual=forbidden is None)
+        except OutOfTimeError:
             self.status = Status.TIME_LIMIT
             self._keep_what_there_is()
-        return self._report()
-
-    def _tick(self, value: float) -> None:
-        self.clock.tick(value, as_objective=self.as_objective)
-
-    def _search(self, search: GroupingSearch, count: int, *, keep: bool) -> None:
-        before = self.clock.best
-        if not keep:
-            self.clock.best = math.inf
-        if self.identical is not None:
-            search.descend(np.tile(self.identical.theta, len(search.groups)), count=0)
-        for left, theta in zip(range(count, 0, -1), search.starts(count), strict=True):
-            if self.specification.starts is None and search.settled:
-                self.clock.total -= left
-                break
-            search.descend(theta)
-            self.clock.done += 1
-            self._tick(math.inf)
-        search.hop()
-        best = self._exact_best(search)
-        if best is not None and len(search.groups) == 1:
-            self.identical, self.identical_search = best, search
-        if not keep:
-            self.clock.best = before
-        elif best is not None:
-            self.found.append((search, best))
-
-    def _exact_best(self, search: GroupingSearch) -> Candidate | None:
-        best: Candidate | None = None
-        if self.identical is not None:
-            theta = np.tile(self.identical.theta, len(search.groups))
-            best = search.measure(theta, self.identical.value)
-        for candidate in search.polish():
-            if best is not None and candidate.value >= best.value:
-                continue
-            loops = search.blocks.expand(search.objective.controllers(candidate.theta))
-            if unstable_poles(self.specification.plant, loops) == 0:
-                best = candidate
-        return best
-
-    def _keep_what_there_is(self) -> None:
-        for search in self.searches:
-            if search.groups in self.partitions and search.optima:
-                optimum = search.optima[0]
-                theta = optimum.theta
-                loops = search.blocks.expand(search.objective.controllers(theta))
-                if unstable_poles(self.specification.plant, loops) == 0:
-                    self.found.append((search, search.measure(theta, optimum.value)))
-
-    def _report(self) -> Tuning:
-        specification = self.specification
         chosen = self._chosen()
         if chosen is None:
             return self._nothing_found()
-        search, candidate = chosen
-        theta = search.canonical(candidate.theta)
-        controllers = search.objective.controllers(theta)
-        loops = search.blocks.expand(controllers)
-        value = self.as_objective(candidate.value)
-        if specification.objective is Objective.TAU_P:
-            value *= 1 + ROUNDING
-            if value > LARGEST:
-                message = f"tau_P would be {value:.3g}: take a longer unit of time"
-                raise InvalidInputError(message, "/plant")
-            performance = specification.performance.with_tau_p(value)
-        else:
-            performance = specification.performance
-        analysis = LoopAnalysis(search.blocks, controllers, specification.uncertainty, performance)
-        curves = analysis.curves(analysis.omega)
-        peaks = analysis.peaks(curves)
-        warnings = [
-            *plant_remarks(specification.plant),
-            *filter(None, [output_units_warning(specification.plant)]),
-            *self._warnings(search, theta),
-        ]
-        certificate = None
-        if specification.certificate:
-            level = 1.0
-            if specification.objective is Objective.MU:
-                level = peaks.robust_performance.value * (1 + MARGIN)
-            certificate, warning = self._prove(performance, loops, level)
-            warnings += warning
-        return Tuning(
-            status=self.status,
-            objective=specification.objective.value,
-            tau_p=performance.tau_p,
-            peaks=peaks,
-            loops=loops,
-            groups=search.groups,
-            nominally_stable=True,
-            search=self._summary(search),
-            curves=curves,
-            comparison=self._comparison(search, candidate),
-            certificate=certificate,
-            optimality=self._optimality(candidate, value),
-            integrity=in_one_line(
-                specification.plant, specification.uncertainty, performance, loops
-            ),
-            warnings=tuple(warnings),
+        return report(self.specification, self.solutions, self.clock, chosen, self.status)
+
+    def _from_start(self, start: Sequence[Controller]) -> None:
+        groups = given_groups(self.specification, self.partitions[0])
+        loops = [start[group[0]] for group in groups]
+        self.status = Status.LOCAL
+        self.partitions = [groups]
+        freedom = Freedom(groups, self.specification.kind, signs_of(loops))
+        solution = self.solutions.from_settings(freedom, loops)
+        if solution.candidate is not None:
+            self.found.append(solution)
+
+    def _everywhere(self, *, usual: bool) -> None:
+        plant = self.specification.plant
+        if usual:
+            self._search_all(lambda groups: [gain_signs(plant, groups)])
+        if self.specification.signs is Signs.ANY and self._chosen() is None:
+            self._search_all(lambda groups: list(other_signs(plant, groups)))
+
+    def _search_all(self, patterns: Callable[[Groups], list[tuple[float, ...]]]) -> None:
+        """Solve the groupings of the task, with each pattern of signs of the gains."""
+        kind = self.specification.kind
+        self.solutions.plan(
+            Freedom(groups, kind, signs) for groups in self.partitions for signs in patterns(groups)
         )
+        for groups in self.partitions:
+            self._solve(groups, patterns(groups))
+        if self.specification.arrangement is not Arrangement.BEST or not isinstance(
+            self.specification.plant, ParallelPlant
+        ):
+            return
+        # Beside the best partition, as long as that finds a better one.
+        while (best := self._chosen()) is not None:
+            around = [g for g in neighbours(best.search.groups) if g not in self.partitions]
+            for groups in around:
+                self.partitions.append(groups)
+                self._solve(groups, patterns(groups))
+            if not around or self._chosen() is best:
+                break
 
-    def _prove(
-        self, performance: Performance, loops: tuple[Controller, ...], level: float
-    ) -> tuple[Certificate | None, list[str]]:
-        plant, uncertainty = self.specification.plant, self.specification.uncertainty
-        try:
-            return prove(
-                plant, uncertainty, performance, loops, level,
-                interrupt=lambda: self._tick(math.inf),
-            )  # fmt: skip
-        except _OutOfTimeError:
-            self.status = Status.TIME_LIMIT
-            return None, ["no certificate: the time limit came first"]
+    def _solve(self, groups: Groups, patterns: list[tuple[float, ...]]) -> None:
+        for signs in patterns:
+            freedom = Freedom(groups, self.specification.kind, signs)
+            solution = self.solutions.solve(freedom, wanted=True)
+            if solution.candidate is not None:
+                self.found.append(solution)
 
-    def _optimality(self, candidate: Candidate, tau_p: float) -> Optimality | None:
-        if not self.specification.optimality_gap:
-            return None
-        from solver.optimality.bound import BranchAndBound  # noqa: PLC0415 - few tunings ask for it
+    def _keep_what_there_is(self) -> None:
+        for search in self.solutions.searches:
+            freedom = search.freedom
+            if freedom.groups in self.partitions and freedom.kind is self.specification.kind:
+                kept = self.solutions.kept(search)
+                if kept.candidate is not None:
+                    self.found.append(kept)
 
-        # The grouping that permits most; 'best' may have kept identical settings.
-        search = self.searches[-1]
-        bound = BranchAndBound(search.problem, peaks=candidate.peaks, tau_p=tau_p)
-        try:
-            return bound.run(lambda: self._tick(math.inf))
-        except _OutOfTimeError:  # the search was not cut short: what is proven is enough
-            return bound.result()
-
-    def _chosen(self) -> tuple[GroupingSearch, Candidate] | None:
-        if not self.found:
-            return None
-        best = min(self.found, key=lambda pair: pair[1].value)
-        if self.specification.arrangement is Arrangement.BEST:
-            for search, candidate in self.found:
-                if len(search.groups) == 1:
-                    gain = 1 - self.as_objective(best[1].value) / self.as_objective(candidate.value)
-                    if 100 * gain < WORTH_IT:
-                        return search, candidate
+    def _chosen(self) -> Solution | None:
+        """Return the best solution; of nearly equal ones that with the fewest groups."""
+        best: Solution | None = None
+        best_value = math.inf
+        for solution in sorted(self.found, key=lambda each: len(each.search.groups)):
+            assert solution.candidate is not None  # noqa: S101 - for the type checker
+            value = self.as_objective(solution.candidate.value)
+            needed = 0.0
+            if best is not None and len(solution.search.groups) > len(best.search.groups):
+                needed = FINER_WORTH_IT
+                if len(best.search.groups) == 1:
+                    needed = WORTH_IT
+            if value < best_value * (1 - needed / 100):
+                best, best_value = solution, value
         return best
 
-    def _comparison(self, search: GroupingSearch, candidate: Candidate) -> Comparison | None:
-        if self.identical is None or self.identical_search is None or len(search.groups) == 1:
-            return None
-        identical = self.as_objective(self.identical.value)
-        loop = self.identical_search.objective.controllers(self.identical.theta)[0]
-        return Comparison(
-            identical, loop, 100 * (1 - self.as_objective(candidate.value) / identical)
-        )
-
-    def _summary(self, search: GroupingSearch) -> SearchSummary:
-        def loops(theta: np.ndarray) -> tuple[Controller, ...]:
-            controllers = search.objective.controllers(search.canonical(theta))
-            return search.blocks.expand(controllers)
-
-        return SearchSummary(
-            starts=self.clock.done,
-            local_optima=tuple(
-                LocalOptimum(
-                    self.as_objective(optimum.value),
-                    optimum.count,
-                    loops(optimum.theta),
-                )
-                for optimum in search.optima
-            ),
-            seed=self.specification.seed,
-            elapsed_seconds=self.clock.elapsed,
-        )
-
-    def _warnings(self, search: GroupingSearch, theta: np.ndarray) -> list[str]:
-        names = parameter_names(self.specification.kind)
-        warnings = []
-        for index, (value, low, high) in enumerate(
-            zip(theta, search.canonical(search.box.low), search.canonical(search.box.high),
-                strict=True)
-        ):  # fmt: skip
-            group, name = divmod(index, len(names))
-            if min(value - low, high - value) < 1e-6 * (high - low):
-                edge = "lower" if value - low < high - value else "upper"
-                warnings.append(
-                    f"group {group}: {names[name]} is on its {edge} bound "
-                    f"{math.exp(low if edge == 'lower' else high):.4g}; a wider bound may do better"
-                )
-        return warnings
-
     def _nothing_found(self) -> Tuning:
-        search = next(s for s in self.searches if s.groups in self.partitions)
+        groups = self.partitions[0]
         if self.status is Status.TIME_LIMIT:
             reason = "no feasible settings were found within the time limit"
-            return _infeasible(
-                self.specification, search.groups, self.clock, reason, None,
-                status=Status.TIME_LIMIT,
-            )  # fmt: skip
-        closest = [s.closest for s in self.searches if s.closest is not None]
-        if not closest:
-            reason = "no stabilising settings were found within the parameter bounds"
-            return _infeasible(self.specification, search.groups, self.clock, reason, None)
-        best = min(closest, key=lambda e: e.value)
-        owner = next(s for s in self.searches if s.closest is best)
-        worst = int(best.level.argmin())
-        omega = float(owner.feasibility.omega[worst])
+            return infeasible(
+                self.specification, groups, self.clock, reason, None, status=Status.TIME_LIMIT
+            )
+        nearest = [
+            (search.closest.value, search)
+            for search in self.solutions.searches
+            if search.closest is not None
+        ]
+        if not nearest:
+            reason = "none were found that stabilise the loops within the parameter bounds"
+            return infeasible(self.specification, groups, self.clock, reason, None)
+        _, search = min(nearest, key=lambda pair: pair[0])
+        assert search.closest is not None  # noqa: S101 - for the type checker
+        slow = search.slowest_demand(search.closest)
         reason = (
-            f"no tau_P meets mu <= 1: even an infinitely slow demand peaks at "
-            f"mu = {math.exp(best.value / 2):.4g} near omega = {omega:.4g}"
+            f"none were found that meet mu <= 1 at any tau_P: for the nearest ones even an "
+            f"infinitely slow demand peaks at mu = {slow.value:.6g} near omega = {slow.omega:.4g}"
         )
-        return _infeasible(self.specification, search.groups, self.clock, reason, omega)
-
-
-def _infeasible(
-    specification: Specification,
-    groups: Groups,
-    clock: _Clock,
-    reason: str,
-    omega: float | None,
-    *,
-    status: Status = Status.INFEASIBLE,
-) -> Tuning:
-    return Tuning(
-        status=status,
-        objective=specification.objective.value,
-        tau_p=None,
-        peaks=None,
-        loops=(),
-        groups=groups,
-        nominally_stable=False,
-        search=SearchSummary(clock.done, (), specification.seed, clock.elapsed),
-        curves=None,
-        reason=reason,
-        omega=omega,
-    )
+        on_bound = search.on_given_bounds(search.closest.theta)
+        if on_bound:
+            reason += f"; they lie on the bounds given for {', '.join(on_bound)}"
+        return infeasible(self.specification, groups, self.clock, reason, slow.omega)

@@ -31,7 +31,7 @@ _MODULES = {
     "solver.robustness.record": ("Curves", "Guarantee", "GuaranteeStatus", "Peaks"),
     "solver.tuning.record": ("Comparison", "LocalOptimum", "SearchSummary", "Status", "Tuning"),
     "solver.tuning.specification": (
-        "Arrangement", "Bounds", "ControllerKind", "Objective", "Specification",
+        "Arrangement", "Bounds", "ControllerKind", "Objective", "Signs", "Specification",
     ),
     "solver.workbench.tuned": ("Tuned",),
 }  # fmt: skip

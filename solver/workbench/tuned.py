@@ -251,7 +251,11 @@ class Tuned:
         lines.append(f"tau_p {self.tau_p:.6g}")
         for group in tuning.groups[:4]:
             loop = self.loops[group[0]]
-            times = (("tau_I", loop.integral_time), ("tau_D", loop.derivative_time))
+            times = (
+                ("tau_I", loop.integral_time),
+                ("tau_D", loop.derivative_time),
+                ("tau_F", loop.filter_time),
+            )
             given = "".join(f", {name} {time:.6g}" for name, time in times if time is not None)
             lines.append(f"{_units(group)}: k {loop.gain:.6g}{given}")
         if len(tuning.groups) > 4:

@@ -14,12 +14,13 @@ from solver.workbench.tuned import Tuned
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from solver.model.controllers import Controller
     from solver.model.plants import Plant
     from solver.model.weights import Uncertainty
     from solver.tuning.record import Progress
-    from solver.tuning.specification import Arrangement, Objective
+    from solver.tuning.specification import Arrangement, Objective, Signs
 
-    KindName = Literal["PI", "PID"]
+    KindName = Literal["PI", "PID", "PIF", "PIDF"]
     ArrangementName = Literal["identical", "independent", "grouped", "best"]
 
 __all__ = ["tune"]
@@ -40,6 +41,8 @@ def tune(
     group_sizes: Sequence[int] | None = None,
     objective: Objective | Literal["tau_p", "mu"] = ...,
     bounds: Bounds | None = None,
+    signs: Signs | Literal["usual", "any"] = ...,
+    start: Sequence[Controller] | None = None,
     starts: int | None = None,
     seed: int = 0,
     time_limit: float | None = None,
@@ -66,14 +69,14 @@ def tune(
         The demand, see `Performance`; `tau_p` (time unit of the plant) for the objective 'mu',
         and only then.
     controller : ControllerKind or str
-        Kind of all controllers, 'PI' or 'PID'.
+        Kind of all controllers, 'PI', 'PID', or 'PIF' and 'PIDF' with a free filter time.
     arrangement : Arrangement or str
         Which loops share settings: 'identical', 'independent', 'grouped' or 'best'.
     group_sizes : sequence of int or None
         Sizes of the groups, for 'grouped', and only then.
     objective : Objective or str
         'tau_p', the fastest settings, or 'mu', the smallest peak of mu at `tau_p`.
-    bounds, starts, seed, time_limit, certificate, optimality_gap
+    bounds, signs, start, starts, seed, time_limit, certificate, optimality_gap
         See `Specification`.
     progress : callable or None
         Called about ten times a second with a `Progress`; what it raises passes through.

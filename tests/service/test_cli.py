@@ -75,7 +75,7 @@ def test_tune_prints_the_settings_in_three_forms(monkeypatch: pytest.MonkeyPatch
     output = mutune("tune", "-", request=altered(TUNING, "/plant/n", 3)).stdout
     assert "τP = 20" in output
     rows = [line.split() for line in output.splitlines() if line.strip().startswith(("1-2", "3 "))]
-    assert rows[:2] == [["1-2", "2", "5", "1"], ["3", "3", "4", "1"]]
+    assert rows[:2] == [["1-2", "2", "5", "1", "0.1"], ["3", "3", "4", "1", "0.1"]]
     # K = 2 (5 + 0.9)/5, T_i = 5.9, T_d = 5/5.9 - 0.1, T_f = 0.1
     assert rows[2] == ["1-2", "2.36", "5.9", "0.74746", "0.1"]
     # K_p = K, K_i = K/T_i, K_d = K T_d

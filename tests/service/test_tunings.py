@@ -56,7 +56,7 @@ def test_request_comes_back_with_all_defaults(client: httpx.Client) -> None:
     """The job shows the request as it was understood."""
     request = start(client, tuning(seed=7002))["request"]
     assert request["search"] == {
-        "seed": 7002, "starts": None, "time_limit": 60.0, "optimality_gap": False,
+        "seed": 7002, "starts": None, "time_limit": 60.0, "start": None, "optimality_gap": False,
     }  # fmt: skip
     assert request["controller"]["arrangement"] == "independent"
 

@@ -17,7 +17,7 @@ from solver.optimality.record import Proof
 from solver.tuning import Arrangement, Bounds, ControllerKind, Objective, Specification, tune
 from solver.tuning.groupings import groupings
 from solver.tuning.record import Status
-from solver.tuning.search import GroupingSearch
+from solver.tuning.search import Freedom, GroupingSearch
 
 
 def task(plant, arrangement=Arrangement.IDENTICAL, **more):
@@ -27,7 +27,12 @@ def task(plant, arrangement=Arrangement.IDENTICAL, **more):
 
 
 def search_of(specification):
-    return GroupingSearch(specification, groupings(specification)[0], 1.0, lambda _: None)
+    return GroupingSearch(
+        specification,
+        Freedom.usual(specification, groupings(specification)[0]),
+        1.0,
+        lambda _: None,
+    )
 
 
 def stopping_after(boxes):
@@ -131,10 +136,13 @@ TWO_SETTINGS = {
 
 @pytest.mark.parametrize("name", TWO_SETTINGS)
 def test_two_different_settings_are_proven_best_to_a_thousandth(name):
-    """Four parameters take a few hundred boxes, however ill-conditioned the plant is."""
+    """Four parameters take a few thousand boxes, ill-conditioned or integrating as the plant is.
+
+    The search's own bounds are six decades wider than where optima lie.
+    """
     proof = tune(replace(TWO_SETTINGS[name], optimality_gap=True)).optimality
     assert proof.status is Proof.REACHED
-    assert proof.boxes < 1000
+    assert proof.boxes < 3000
     assert 0 < proof.gap <= proof.goal * (1 + 1e-5)
 
 
@@ -152,7 +160,7 @@ def test_the_time_limit_ends_the_proof_and_not_the_tuning(monkeypatch):
 
     def no_time(self, checkpoint):
         self._examine(self._open[0])
-        clock = importlib.import_module("solver.tuning.tuner")._Clock  # noqa: SLF001
+        clock = importlib.import_module("solver.tuning.clock").Clock
         monkeypatch.setattr(clock, "elapsed", math.inf)
         checkpoint()
 

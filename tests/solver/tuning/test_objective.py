@@ -26,6 +26,8 @@ def objective(plant, groups, goal, kind=ControllerKind.PI):
         (SLH, [[0], [1]], [46.3, 101, 22.8, 3.15], ControllerKind.PI),
         (SLH, [[0, 1]], [39.7, 65.1], ControllerKind.PI),
         (SLH, [[0], [1]], [60, 90, 0.4, 30, 2, 0.5], ControllerKind.PID),
+        (SLH, [[0], [1]], [60, 90, 0.4, 30, 2, 0.5], ControllerKind.PIF),
+        (SLH, [[0], [1]], [60, 90, 0.4, 0.1, 30, 2, 0.5, 3], ControllerKind.PIDF),
         (first_order(5, 1, 40, -0.2), [[0, 1], [2, 3, 4]], [12, 30, 9, 12], ControllerKind.PI),
         (first_order(3, 1, 40, 0.2), [[0], [1], [2]], [12, 30, 9, 12, 8, 10], ControllerKind.PI),
     ],

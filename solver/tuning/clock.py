@@ -1,0 +1,71 @@
+"""Progress and time limit of a running tuning."""
+
+from __future__ import annotations
+
+import math
+import time
+from typing import TYPE_CHECKING
+
+from solver.tuning.record import Progress
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+__all__ = ["Clock", "OutOfTimeError"]
+
+PROGRESS_INTERVAL = 0.1  # seconds
+
+
+class OutOfTimeError(Exception):
+    """The time limit has passed."""
+
+
+class Clock:
+    """Calls the user's progress function now and then, and watches the time limit.
+
+    Parameters
+    ----------
+    limit : float or None
+        Seconds.
+    progress : callable or None
+        Takes a `Progress`; what it raises passes through.
+    as_objective : callable
+        From a search's value s to the objective.
+
+    """
+
+    def __init__(
+        self,
+        limit: float | None,
+        progress: Callable[[Progress], None] | None,
+        as_objective: Callable[[float], float],
+    ) -> None:
+        self.started = time.monotonic()
+        self.limit = limit
+        self.progress = progress
+        self.as_objective = as_objective
+        self.best = math.inf
+        self.done = 0
+        self.total = 0
+        self._last = -math.inf
+        self._fraction = 0.0
+
+    @property
+    def elapsed(self) -> float:
+        """Seconds since the start."""
+        return time.monotonic() - self.started
+
+    def tick(self, value: float = math.inf) -> None:
+        """Take note of a value s; raises `OutOfTimeError` when the limit has passed."""
+        now = self.elapsed
+        if math.isfinite(value):
+            self.best = min(self.best, self.as_objective(value))
+        if self.limit is not None and now > self.limit:
+            raise OutOfTimeError
+        if self.progress is not None and now - self._last > PROGRESS_INTERVAL:
+            self._last = now
+            best = self.best if math.isfinite(self.best) else None
+            # More searches may come up on the way; progress never falls.
+            self._fraction = max(self._fraction, min(self.done / max(self.total, 1), 1.0))
+            total = max(self.total, self.done, 1)
+            self.progress(Progress(self._fraction, best, self.done, total))

@@ -1,0 +1,189 @@
+"""The result of a tuning, every number of it computed anew from the settings."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from solver.certificate.search import prove
+from solver.model.remarks import plant_remarks
+from solver.robustness.integrity import in_one_line
+from solver.tuning.bounds import gain_signs
+from solver.tuning.clock import OutOfTimeError
+from solver.tuning.endless import remarks
+from solver.tuning.output_units import output_units_warning
+from solver.tuning.record import Comparison, LocalOptimum, SearchSummary, Status, Tuning
+from solver.tuning.settle import Settled, settled
+from solver.tuning.specification import Objective
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from solver.certificate import Certificate
+    from solver.model.controllers import Controller
+    from solver.optimality.record import Optimality
+    from solver.tuning.clock import Clock
+    from solver.tuning.groupings import Groups
+    from solver.tuning.search import GroupingSearch
+    from solver.tuning.solutions import Solution, Solutions
+    from solver.tuning.specification import Specification
+
+__all__ = ["MARGIN", "infeasible", "report"]
+
+MARGIN = 2e-4  # of mu, where a proof for all frequencies is wanted; costs about 0.1 % of tau_P
+OTHER_SIGNS = (
+    "loops {loops} have gains of the sign opposite to their own process's: they are stable only "
+    "together with the others, never alone"
+)
+
+
+def report(
+    specification: Specification,
+    solutions: Solutions,
+    clock: Clock,
+    chosen: Solution,
+    status: Status,
+) -> Tuning:
+    """Return the result of a tuning that found settings.
+
+    Raises
+    ------
+    InvalidInputError
+        The best tau_P is too large a number.
+
+    """
+    search = chosen.search
+    assert chosen.candidate is not None  # noqa: S101 - for the type checker
+    try:
+        end = settled(specification, search, chosen.candidate, clock)
+    except OutOfTimeError:
+        status = Status.TIME_LIMIT
+        end = settled(specification, search, chosen.candidate, None)
+    if end is None:
+        reason = "none were found: between the frequencies of the search mu exceeds 1 for all"
+        return infeasible(specification, search.groups, clock, reason, None)
+    warnings = [
+        *plant_remarks(specification.plant),
+        *filter(None, [output_units_warning(specification.plant)]),
+        *_sign_warnings(specification, search),
+        *remarks(search, end.candidate.theta),
+    ]
+    certificate = None
+    if specification.certificate:
+        level = 1.0
+        if specification.objective is Objective.MU:
+            level = end.peaks.robust_performance.value * (1 + MARGIN)
+        try:
+            certificate, reasons = _prove(specification, end, level, clock)
+            warnings += reasons
+        except OutOfTimeError:
+            status = Status.TIME_LIMIT
+            warnings.append("no certificate: the time limit came first")
+    return Tuning(
+        status=status,
+        objective=specification.objective.value,
+        tau_p=end.performance.tau_p,
+        peaks=end.peaks,
+        loops=end.loops,
+        groups=search.groups,
+        nominally_stable=True,
+        search=_summary(specification, search, clock),
+        curves=end.curves,
+        guarantee=end.guarantee,
+        comparison=_comparison(solutions, search, end, clock),
+        certificate=certificate,
+        optimality=_optimality(specification, solutions, end, clock),
+        integrity=in_one_line(
+            specification.plant, specification.uncertainty, end.performance, end.loops
+        ),
+        warnings=tuple(warnings),
+    )
+
+
+def infeasible(
+    specification: Specification,
+    groups: Groups,
+    clock: Clock,
+    reason: str,
+    omega: float | None,
+    *,
+    status: Status = Status.INFEASIBLE,
+) -> Tuning:
+    """Return the result of a tuning that has no settings to show."""
+    return Tuning(
+        status=status,
+        objective=specification.objective.value,
+        tau_p=None,
+        peaks=None,
+        loops=(),
+        groups=groups,
+        nominally_stable=False,
+        search=SearchSummary(clock.done, (), specification.seed, clock.elapsed),
+        curves=None,
+        reason=reason,
+        omega=omega,
+    )
+
+
+def _prove(
+    specification: Specification, end: Settled, level: float, clock: Clock
+) -> tuple[Certificate | None, list[str]]:
+    return prove(
+        specification.plant, specification.uncertainty, end.performance, end.loops, level,
+        interrupt=clock.tick,
+    )  # fmt: skip
+
+
+def _sign_warnings(specification: Specification, search: GroupingSearch) -> list[str]:
+    usual = gain_signs(specification.plant, search.groups)
+    turned = [
+        str(unit)
+        for group, mine, its in zip(search.groups, search.objective.signs, usual, strict=True)
+        for unit in group
+        if mine != its
+    ]
+    return [OTHER_SIGNS.format(loops=", ".join(turned))] if turned else []
+
+
+def _comparison(
+    solutions: Solutions, search: GroupingSearch, end: Settled, clock: Clock
+) -> Comparison | None:
+    one = solutions.identical()
+    if one is None or one.candidate is None or len(search.groups) == 1:
+        return None
+    identical = clock.as_objective(one.candidate.value)
+    loop = one.search.objective.controllers(one.candidate.theta)[0]
+    gain = 100 * (1 - clock.as_objective(end.candidate.value) / identical)
+    return Comparison(identical, loop, gain)
+
+
+def _summary(specification: Specification, search: GroupingSearch, clock: Clock) -> SearchSummary:
+    def loops(theta: NDArray[np.float64]) -> tuple[Controller, ...]:
+        return search.blocks.expand(search.objective.controllers(search.canonical(theta)))
+
+    return SearchSummary(
+        starts=clock.done,
+        local_optima=tuple(
+            LocalOptimum(clock.as_objective(optimum.value), optimum.count, loops(optimum.theta))
+            for optimum in search.optima
+        ),
+        seed=specification.seed,
+        elapsed_seconds=clock.elapsed,
+    )
+
+
+def _optimality(
+    specification: Specification, solutions: Solutions, end: Settled, clock: Clock
+) -> Optimality | None:
+    if not specification.optimality_gap or end.performance.tau_p is None:
+        return None
+    from solver.optimality.bound import BranchAndBound  # noqa: PLC0415 - few tunings ask for it
+
+    # The grouping that permits most; 'best' may have kept identical settings.
+    search = max(solutions.searches, key=lambda each: len(each.groups))
+    tau_p = end.performance.tau_p
+    bound = BranchAndBound(search.problem, peaks=end.candidate.peaks, tau_p=tau_p)
+    try:
+        return bound.run(clock.tick)
+    except OutOfTimeError:  # the search was not cut short: what is proven is enough
+        return bound.result()

@@ -1,0 +1,256 @@
+"""The searches of one tuning: each starts from the optima of those with fewer freedoms.
+
+Settings that fewer loops share, or that have a filter time of their own, contain those that more
+loops share, or whose filter is tied. So the freer search starts from their optima and never ends
+with a worse one.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from solver.model.controllers import DERIVATIVE_FILTER
+from solver.model.frequencies import corners
+from solver.model.plants import ParallelPlant
+from solver.stability.closed_loop import unstable_poles
+from solver.tuning.bounds import gain_signs
+from solver.tuning.groupings import coarser
+from solver.tuning.search import Freedom, GroupingSearch
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from solver.model.controllers import Controller
+    from solver.tuning.clock import Clock
+    from solver.tuning.exact import Candidate
+    from solver.tuning.specification import Specification
+
+__all__ = ["Solution", "Solutions"]
+
+STARTS_PER_PARAMETER = 3
+STARTS_BEFORE_HOPS = 2  # a parameter, where the search goes on from the best optimum
+STARTS_OF_OTHER_SIGNS = 6  # times as many: most of them are unstable at any gain
+FARTHER = 1e3  # corners of the loop over which the grid is extended where it missed an instability
+EXTENSIONS = 3
+
+
+@dataclass(frozen=True)
+class Solution:
+    """A search that has ended, and its best settings; None: it found none."""
+
+    search: GroupingSearch
+    candidate: Candidate | None
+
+
+class Solutions:
+    """All searches of one tuning, each made once.
+
+    Parameters
+    ----------
+    specification : Specification
+        The task.
+    target : float
+        Greatest mu that the settings may have.
+    clock : Clock
+        Progress and time limit.
+
+    """
+
+    def __init__(self, specification: Specification, target: float, clock: Clock) -> None:
+        self.specification = specification
+        self.target = target
+        self.clock = clock
+        self.searches: list[GroupingSearch] = []
+        self._known: dict[Freedom, Solution] = {}
+        self._planned: set[Freedom] = set()
+
+    def solve(self, freedom: Freedom, *, wanted: bool) -> Solution:
+        """Return the solution of one search.
+
+        `wanted`: whether its value is one of the task's; else it is a start only.
+        """
+        if freedom not in self._known:
+            self._known[freedom] = self._solved(freedom, wanted=wanted)
+        return self._known[freedom]
+
+    def plan(self, freedoms: Iterable[Freedom]) -> None:
+        """Count the starts of these searches, and of those that they start from, as to be made."""
+        for freedom in freedoms:
+            if freedom in self._planned:
+                continue
+            self._planned.add(freedom)
+            self.clock.total += self._starts(freedom)
+            self.plan(tied for tied, _ in self._tied(freedom))
+            if freedom.kind.without_filter is not freedom.kind:
+                self.plan([replace(freedom, kind=freedom.kind.without_filter)])
+
+    def _starts(self, freedom: Freedom) -> int:
+        """Most starts of a search: the more parameters, the more optima."""
+        if self.specification.starts is not None:
+            return self.specification.starts
+        groups = len(freedom.groups)
+        each = STARTS_PER_PARAMETER if groups == 1 else STARTS_BEFORE_HOPS
+        if freedom.signs != gain_signs(self.specification.plant, freedom.groups):
+            each *= STARTS_OF_OTHER_SIGNS
+        return each * groups * len(freedom.kind.parameters)
+
+    def identical(self) -> Solution | None:
+        """Return the best solution with identical settings, of the task's kind."""
+        best: Solution | None = None
+        lowest = math.inf
+        for freedom, solution in self._known.items():
+            if len(freedom.groups) == 1 and freedom.kind is self.specification.kind:
+                value = math.inf if solution.candidate is None else solution.candidate.value
+                if value < lowest:
+                    best, lowest = solution, value
+        return best
+
+    def kept(self, search: GroupingSearch) -> Solution:
+        """Return the best stable settings of a search that was cut short."""
+        for optimum in search.optima[:1]:
+            candidate = search.exact.measure(optimum.theta, optimum.value)
+            if math.isfinite(candidate.value) and self._is_stable(search, candidate):
+                return Solution(search, candidate)
+        return Solution(search, None)
+
+    def from_settings(self, freedom: Freedom, loops: Sequence[Controller]) -> Solution:
+        """Return the local optimum beside given settings, one a group."""
+        search = self._search(freedom)
+        self.clock.total = 1
+        search.descend(search.box.clip(self._theta_of(search, loops)))
+        search.hop()
+        self.clock.done += 1
+        return Solution(search, self._best(search, []))
+
+    def _search(self, freedom: Freedom) -> GroupingSearch:
+        search = GroupingSearch(self.specification, freedom, self.target, self.clock.tick)
+        self.searches.append(search)
+        return search
+
+    def _solved(self, freedom: Freedom, *, wanted: bool) -> Solution:
+        self.plan([freedom])
+        inherited = self._inherited(freedom)
+        search = self._search(freedom)
+        before = self.clock.best
+        if not wanted:
+            self.clock.best = math.inf
+        for theta in inherited:
+            search.descend(search.box.clip(theta), count=0)
+        count = self._starts(freedom)
+        for left, theta in zip(range(count, 0, -1), search.starts(count), strict=True):
+            if self.specification.starts is None and search.settled:
+                self.clock.total -= left
+                break
+            search.descend(theta)
+            self.clock.done += 1
+            self.clock.tick()
+        search.swap()
+        search.hop()
+        best = self._best(search, inherited)
+        if not wanted:
+            self.clock.best = before
+        return Solution(search, best)
+
+    def _inherited(self, freedom: Freedom) -> list[NDArray[np.float64]]:
+        """Return the best settings with fewer freedoms, as parameters of this search."""
+        found = []
+        for tied, owner in self._tied(freedom):
+            best = self.solve(tied, wanted=False).candidate
+            if best is not None:
+                found.append(best.theta.reshape(len(tied.groups), -1)[list(owner)].ravel())
+        if freedom.kind.without_filter is not freedom.kind:
+            plain = self.solve(replace(freedom, kind=freedom.kind.without_filter), wanted=False)
+            if plain.candidate is not None:
+                found += self._with_filters(plain)
+        return found
+
+    def _tied(self, freedom: Freedom) -> Iterator[tuple[Freedom, tuple[int, ...]]]:
+        """Yield searches in which more loops share settings, and which group each group is in."""
+        for merged, owner in coarser(freedom.groups) if self._interchangeable else ():
+            signs = tuple(freedom.signs[owner.index(part)] for part in range(len(merged)))
+            if all(signs[part] == sign for part, sign in zip(owner, freedom.signs, strict=True)):
+                yield replace(freedom, groups=merged, signs=signs), owner
+
+    @property
+    def _interchangeable(self) -> bool:
+        return isinstance(self.specification.plant, ParallelPlant)
+
+    def _with_filters(self, tied: Solution) -> list[NDArray[np.float64]]:
+        """Return settings with a free filter time that are, or nearly, those without one."""
+        assert tied.candidate is not None  # noqa: S101 - for the type checker
+        rows = tied.candidate.theta.reshape(len(tied.search.groups), -1)
+        if "derivative_time" in tied.search.objective.kind.parameters:
+            lags = [rows[:, 2] + math.log(DERIVATIVE_FILTER)]
+        else:  # a filter far above all that matters, and one that does
+            times = tied.search.region.starts
+            shortest = np.full(len(rows), times.low[1])
+            lags = [shortest - math.log(1e6), shortest + math.log(10.0)]
+        return [np.column_stack([rows, lag]).ravel() for lag in lags]
+
+    def _theta_of(self, search: GroupingSearch, loops: Sequence[Controller]) -> NDArray[np.float64]:
+        """Return the parameters of given settings; a time that they lack becomes a short one."""
+        names = search.objective.kind.parameters
+        theta = search.region.starts.low.reshape(len(loops), -1).copy()
+        for row, loop in zip(theta, loops, strict=True):
+            for place, name in enumerate(names):
+                value = loop.lag_time if name == "filter_time" else getattr(loop, name)
+                if value:
+                    row[place] = math.log(abs(value))
+        return theta.ravel()
+
+    def _best(
+        self, search: GroupingSearch, inherited: list[NDArray[np.float64]]
+    ) -> Candidate | None:
+        """Return the best stable settings with their exact value."""
+        best: Candidate | None = None
+        for theta in inherited:
+            if (theta == search.box.clip(theta)).all():
+                candidate = search.exact.measure(theta, search.objective.evaluate(theta).s)
+                if math.isfinite(candidate.value) and self._is_better(search, candidate, best):
+                    best = candidate
+        polished = search.polish()
+        if best is not None and all(best.value < found.value for found in polished):
+            # A last descent from there: what the freedom costs in rounding it gives back.
+            polished += filter(None, [search.exact.descend(best.theta)])
+        for found in polished:
+            stable = self._stabilised(search, found)
+            if stable is not None and (best is None or stable.value < best.value):
+                best = stable
+        if best is None and search.closest is not None:  # what the first phase found is not lost
+            candidate = search.exact.measure(search.closest.theta, search.closest.s)
+            if math.isfinite(candidate.value) and self._is_stable(search, candidate):
+                best = candidate
+        return best
+
+    def _is_better(
+        self, search: GroupingSearch, candidate: Candidate, best: Candidate | None
+    ) -> bool:
+        return (best is None or candidate.value < best.value) and self._is_stable(search, candidate)
+
+    def _is_stable(self, search: GroupingSearch, candidate: Candidate) -> bool:
+        loops = search.blocks.expand(search.objective.controllers(candidate.theta))
+        return unstable_poles(self.specification.plant, loops) == 0
+
+    def _stabilised(self, search: GroupingSearch, candidate: Candidate) -> Candidate | None:
+        """Return the candidate, or one on a longer axis where its grid missed an instability."""
+        for _ in range(EXTENSIONS):
+            if self._is_stable(search, candidate):
+                return candidate
+            bends = corners(
+                self.specification.plant, self.specification.uncertainty,
+                search.objective.controllers(candidate.theta),
+            )  # fmt: skip
+            end = search.objective.omega[-1]
+            longest = max(FARTHER * end, FARTHER * float(bends[-1]))
+            search.look_at(np.geomspace(end, longest, 11 * round(math.log10(longest / end)) + 1))
+            found = search.exact.descend(candidate.theta)
+            if found is None:
+                return None
+            candidate = found
+        return None

@@ -1,0 +1,252 @@
+"""Where optima lie: the box follows the loop, in whatever units, and ends nowhere by itself."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from zoo import COLUMN, SLH, USUAL
+
+from solver.model.controllers import Controller
+from solver.model.errors import InvalidInputError
+from solver.model.plants import MatrixPlant, ParallelPlant, first_order
+from solver.model.transfer_function import TransferFunction
+from solver.model.weights import Performance, Uncertainty
+from solver.stability.closed_loop import is_stable
+from solver.tuning import (
+    Arrangement,
+    Bounds,
+    ControllerKind,
+    Objective,
+    Signs,
+    Specification,
+    tune,
+)
+from solver.tuning.record import Status
+
+NONE = TransferFunction([0], [1])
+
+
+def run(plant, arrangement=Arrangement.INDEPENDENT, **more):
+    uncertainty = more.pop("uncertainty", USUAL)
+    performance = more.pop("performance", Performance())
+    return tune(Specification(plant, uncertainty, performance, arrangement=arrangement, **more))
+
+
+def test_a_derivative_time_as_long_as_the_lag_is_found():
+    """README plant, identical PID: 12.976 with tau_D = 105, whatever the seed."""
+    for seed in range(4):
+        result = run(SLH, Arrangement.IDENTICAL, kind=ControllerKind.PID, seed=seed)
+        assert result.tau_p == pytest.approx(12.9763, abs=1e-3)
+        assert result.loops[0].derivative_time > 50
+
+
+def test_near_singular_pid_and_the_column_have_slow_derivatives():
+    """a = 0.995: 49.44; SLH eq. 3 at tau_P = 10: mu = 1.268, not met and said so."""
+    near = run(first_order(2, 1, 100, 0.995), kind=ControllerKind.PID)
+    assert near.tau_p == pytest.approx(49.4365, abs=5e-3)
+    column = run(
+        COLUMN, kind=ControllerKind.PID, objective=Objective.MU, performance=Performance(tau_p=10)
+    )
+    assert column.peaks.robust_performance.value == pytest.approx(1.26768, abs=1e-4)
+    assert column.status is Status.OPTIMAL
+    assert not column.demand_met
+    assert near.demand_met
+
+
+def scaled_lag(lag, gains, time):
+    """Elements of a 2 x 2 plant of lags, inputs in other units and time in another unit."""
+    return MatrixPlant(
+        [
+            [TransferFunction([g * k], [tau * time, 1], theta * time) for (g, tau, theta), k
+             in zip(row, gains, strict=True)]
+            for row in lag
+        ]
+    )  # fmt: skip
+
+
+WOOD_BERRY = [[(12.8, 16.7, 1), (-18.9, 21, 3)], [(6.6, 10.9, 7), (-19.4, 14.4, 3)]]
+
+
+@pytest.mark.parametrize("inputs", [(1e-6, 1e6), (1e6, 1e-6), (1e-6, 1e-6)])
+@pytest.mark.parametrize("time", [1e-6, 1.0, 1e6])
+def test_units_of_inputs_and_time_do_not_matter(inputs, time):
+    """Wood and Berry's column in units up to 1e6 larger and smaller: the same loop."""
+    usual = run(scaled_lag(WOOD_BERRY, (1, 1), 1.0), starts=4)
+    other = run(
+        scaled_lag(WOOD_BERRY, inputs, time), starts=4,
+        uncertainty=Uncertainty.from_error(0.2, time),
+    )  # fmt: skip
+    assert other.tau_p == pytest.approx(usual.tau_p * time, rel=1e-5)
+    for here, there, unit in zip(usual.loops, other.loops, inputs, strict=True):
+        assert there.gain * unit == pytest.approx(here.gain, rel=1e-2)
+        assert there.integral_time == pytest.approx(here.integral_time * time, rel=1e-2)
+
+
+@pytest.mark.parametrize("outputs", [1e-6, 1e6])
+def test_a_common_unit_of_outputs_does_not_matter(outputs):
+    """All outputs in a unit a million times larger or smaller: gains change, tau_P does not."""
+    result = run(scaled_lag(WOOD_BERRY, (outputs, outputs), 1.0), starts=4)
+    assert result.tau_p == pytest.approx(
+        run(scaled_lag(WOOD_BERRY, (1, 1), 1.0), starts=4).tau_p, rel=1e-5
+    )
+
+
+def test_bounds_wider_than_needed_change_nothing():
+    """The column with bounds over nine decades: 49.068, as without any."""
+    bounds = Bounds(gain=(4.4e-4, 3e5), integral_time=(8.6e-5, 7.5e4))
+    assert run(COLUMN, bounds=bounds).tau_p == pytest.approx(49.068, abs=5e-3)
+    assert run(COLUMN).tau_p == pytest.approx(49.068, abs=5e-3)
+
+
+def test_integral_action_that_no_demand_needs_is_told():
+    """An integrator with dead time 5: tau_I has no end, tau_P is 8.957, and a remark says so."""
+    plant = ParallelPlant(1, TransferFunction([1], [1, 0], 5), NONE)
+    result = run(plant)
+    assert result.status is Status.OPTIMAL
+    assert result.tau_p == pytest.approx(8.957, abs=2e-3)
+    assert "ask for load disturbances" in result.warnings[0]
+
+
+def test_an_integrating_pair_is_followed_to_its_end():
+    """a = 0.99, integrating: 80.66, where one loop's integral time has no end."""
+    plant = ParallelPlant(2, TransferFunction([1], [1, 0]), TransferFunction([0.99], [1, 0]))
+    assert run(plant).tau_p < 80.7
+
+
+@pytest.mark.parametrize("M", [1.015, 1.02, 1.05])
+def test_feasible_up_to_the_edge(M):
+    """One lag and dead time: a permitted peak of 1.015 is still met, at tau_P = 389.1."""
+    result = run(first_order(1, 1, 100, 0, 1), performance=Performance(max_peak=M))
+    assert result.status is Status.OPTIMAL
+    assert result.demand_met
+    if M == 1.015:
+        assert result.tau_p == pytest.approx(389.106, abs=0.05)
+
+
+def test_feedthrough_with_dead_time_is_held_at_infinity():
+    """G = e^-5s: (2k + 1/2)/(1 - k) <= 1 for the worst phase, so k <= 1/6 and tau_P = 6.29357."""
+    plant = ParallelPlant(1, TransferFunction([1], [1], 5), NONE)
+    result = run(plant)
+    assert result.loops[0].gain == pytest.approx(1 / 6, rel=1e-5)
+    assert result.tau_p == pytest.approx(6.29357, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("den", "uncertainty"), [([1, 2, 1], (0.01, 0)), ([1, 3, 3, 1], (0.1, 0.03))]
+)
+def test_loops_faster_than_the_plants_corners_are_seen_whole(den, uncertainty):
+    """Two and three lags under little uncertainty: the peak on a long fine grid is 1."""
+    plant = ParallelPlant(1, TransferFunction([1], den), NONE)
+    weight = Uncertainty.from_error(*uncertainty)
+    result = run(plant, uncertainty=weight)
+    assert result.status is Status.OPTIMAL
+    omega = np.geomspace(1e-4, 1e7, 200_001)
+    c, g = result.loops[0].response(omega), plant.process.response(omega)
+    S = 1 / (1 + g * c)
+    w_P = Performance(tau_p=result.tau_p).magnitude(omega)
+    # n = 1: mu is |w_I T| + |w_P S|.
+    mu = weight.magnitude(omega) * np.abs(g * c * S) + w_P * np.abs(S)
+    assert mu.max() == pytest.approx(1, abs=1e-6)
+
+
+def test_other_signs_are_tried_where_asked():
+    """A loop whose own gain changes sign: refused as usual, 7.610 with any signs, and warned of."""
+    rows = [[([10, -0.05], [100, 20, 1]), ([1], [10, 1])], [([-1], [10, 1]), ([1], [10, 1])]]
+    plant = MatrixPlant([[TransferFunction(*each) for each in row] for row in rows])
+    refused = run(plant)
+    assert refused.status is Status.INFEASIBLE
+    assert "Niederlinski" in refused.reason
+    result = run(plant, signs=Signs.ANY)
+    assert result.tau_p == pytest.approx(7.6102, abs=1e-3)
+    assert "never alone" in result.warnings[0]
+
+
+def test_beyond_integral_controllability_one_loop_turns_its_sign():
+    """n = 3, a = -0.6 < -1/2: stable together with one gain of the other sign, slow as it is."""
+    plant = first_order(3, 1, 100, -0.6)
+    result = run(plant, signs=Signs.ANY)
+    assert result.status is Status.OPTIMAL
+    assert result.demand_met
+    assert is_stable(plant, result.loops)
+    assert sum(loop.gain < 0 for loop in result.loops) == 1
+
+
+@pytest.mark.parametrize(("n", "a"), [(2, 0.9), (3, -0.4), (4, 0.6)])
+def test_free_settings_are_never_worse_than_tied_ones(n, a):
+    """Identical, two groups, independent; PI, PIF; PID, PIDF: each step at most what it was."""
+    plant = first_order(n, 1, 30, a)
+    arrangements = [{"arrangement": Arrangement.IDENTICAL}]
+    if n > 2:
+        arrangements.append({"arrangement": Arrangement.GROUPED, "group_sizes": (1, n - 1)})
+    arrangements.append({"arrangement": Arrangement.INDEPENDENT})
+    values = [run(plant, starts=2, **each).tau_p for each in arrangements]
+    assert all(b <= a * (1 + 1e-6) for a, b in itertools.pairwise(values))
+    one = Arrangement.IDENTICAL
+    by_kind = {kind: run(plant, one, kind=kind).tau_p for kind in ControllerKind}
+    assert by_kind[ControllerKind.PIF] <= by_kind[ControllerKind.PI] * (1 + 1e-6)
+    assert by_kind[ControllerKind.PIDF] <= by_kind[ControllerKind.PID] * (1 + 1e-6)
+    assert by_kind[ControllerKind.PID] <= by_kind[ControllerKind.PI] * (1 + 1e-6)
+
+
+def test_a_free_filter_is_a_setting():
+    """PIDF of the README plant beats PID, and PIF beats PI; the filter time is in the settings."""
+    pif = run(SLH, Arrangement.IDENTICAL, kind=ControllerKind.PIF)
+    pidf = run(SLH, Arrangement.IDENTICAL, kind=ControllerKind.PIDF)
+    assert pif.loops[0].filter_time is not None
+    assert pif.loops[0].derivative_time is None
+    assert pidf.tau_p <= 12.9764
+    assert pidf.loops[0].filter_time is not None
+
+
+def test_three_groups_are_found_where_they_are_best():
+    """n = 5, a = -0.24: (1, 2, 2) gives 18.553, two groups 18.822 at least."""
+    result = run(first_order(5, 1, 100, -0.24), Arrangement.BEST)
+    assert sorted(map(len, result.groups)) == [1, 2, 2]
+    assert result.tau_p == pytest.approx(18.5535, abs=2e-3)
+
+
+def test_a_search_from_known_settings_stays_beside_them():
+    """Near the known optimum of the README plant it is found; the status is local."""
+    start = (Controller(46.3, 101), Controller(22.8, 3.15))
+    result = run(SLH, start=start)
+    assert result.status is Status.LOCAL
+    assert result.tau_p == pytest.approx(18.4455, abs=0.02)
+    changed = run(first_order(2, 1, 100, 0.94), start=result.loops)
+    assert changed.status is Status.LOCAL
+    assert changed.tau_p == pytest.approx(run(first_order(2, 1, 100, 0.94)).tau_p, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("start", "more", "field"),
+    [
+        ((Controller(1, 2),), {}, "/search/start"),
+        ((Controller(1, 2), Controller(1, 2, 3)), {}, "/search/start/1/derivative_time"),
+        ((Controller(1, 2), Controller(1, 3)), {"arrangement": Arrangement.IDENTICAL},
+         "/search/start/1"),
+    ],
+)  # fmt: skip
+def test_starts_that_do_not_fit_are_refused_by_name(start, more, field):
+    """Too few loops, a setting that the kind lacks, unlike loops in one group."""
+    with pytest.raises(InvalidInputError) as refused:
+        run(SLH, start=start, **more)
+    assert refused.value.field == field
+
+
+def test_a_time_constant_is_refused_where_it_is_sought():
+    """performance.tau_p has no place beside the objective tau_p."""
+    with pytest.raises(InvalidInputError) as refused:
+        Specification(SLH, USUAL, Performance(tau_p=20))
+    assert refused.value.field == "/performance/tau_p"
+
+
+def test_what_is_infeasible_says_that_none_was_found_and_why():
+    """A peak of 1.01 under 60 % uncertainty: the nearest settings' peak is above 1."""
+    result = run(
+        SLH, Arrangement.IDENTICAL, uncertainty=Uncertainty.from_error(0.6, 1),
+        performance=Performance(max_peak=1.01), bounds=Bounds(gain=(1, 2)),
+    )  # fmt: skip
+    assert result.status is Status.INFEASIBLE
+    assert result.reason.startswith("none were found")
+    assert float(result.reason.split("mu = ")[1].split()[0]) > 1
+    assert math.isfinite(result.omega)
