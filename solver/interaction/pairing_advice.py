@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.interaction.integral_controllability import Verdict
+from solver.interaction.interpretation import LoopMeaning
 from solver.interaction.pairing import BAND
 
 if TYPE_CHECKING:
@@ -62,7 +63,8 @@ def gain_warnings(
     outside = [
         str(reading.loop + 1)
         for reading in loops
-        if not reading.within_band and reading.relative_gain > 0
+        if not reading.within_band
+        and reading.meaning not in {LoopMeaning.DEPENDENT, LoopMeaning.REVERSED}
     ]
     if outside and largest < LARGE:
         found.append(

@@ -256,6 +256,7 @@ def test_no_sound_pairing_is_said() -> None:
         for warning in result.warnings
     )
     assert any("check the model" in warning for warning in result.warnings)
+    assert not any("0.67..1.5" in warning for warning in result.warnings)
 
 
 def test_sound_pairing_is_named_where_the_given_one_is_not() -> None:
