@@ -24,6 +24,7 @@ FLOORS = (
     "identification",
     "optimality",
     "tuning",
+    "limits",
     "workbench",
     "warm",
 )

@@ -1,0 +1,162 @@
+"""The limit of a plant: least tau_P or mu over all controllers, bounded below, and built."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from solver.limits.lower_bound import lower_bound, unlimited
+from solver.limits.realisation import reducible
+from solver.limits.record import Limit, LimitStatus, Realised
+from solver.limits.search import LimitSearch, least_tau_p
+from solver.model.errors import InvalidInputError
+from solver.model.open_loop import require_supported
+from solver.model.plants import ParallelPlant
+from solver.robustness.centralised import (
+    CentralisedAnalysis,
+    ModeController,
+    analyse_centralised,
+    closed_loop_poles,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from solver.limits.realisation import Reducible
+    from solver.limits.search import Found
+    from solver.model.plants import Plant
+    from solver.model.state_space import StateSpace
+    from solver.model.weights import Performance, Uncertainty
+
+__all__ = ["MAX_LIMIT_SIZE", "multivariable_limit"]
+
+MAX_LIMIT_SIZE = 6  # of a matrix plant: the convex program grows with its fourth power
+BUILT_MU = 1.01  # of the least mu of its basis: what a reduction of the order may cost
+ROOM = 1e-6  # relative addition to tau_P for peaks between the points of the dense grid
+ATTEMPTS = 4
+
+
+def multivariable_limit(
+    plant: Plant,
+    uncertainty: Uncertainty,
+    performance: Performance,
+    *,
+    tick: Callable[[], None] = lambda: None,
+) -> Limit:
+    """Return what any controller could do on this plant under these weights.
+
+    Parameters
+    ----------
+    plant : Plant
+        Stable or integrating; a matrix plant has at most `MAX_LIMIT_SIZE` units. A parallel plant
+        is taken with a parallel controller, for any number of units.
+    uncertainty, performance : Uncertainty, Performance
+        The weights; without a `tau_p` the least one is sought, with one the least mu.
+    tick : callable
+        Called after each convex step; what it raises passes through.
+
+    Raises
+    ------
+    InvalidInputError
+        A singular static gain, or a matrix plant that is too large.
+    UnsupportedPlantError
+        An unstable plant, or integrators that do not belong to inputs.
+
+    """
+    require_supported(plant)
+    if not isinstance(plant, ParallelPlant) and plant.n > MAX_LIMIT_SIZE:
+        message = f"the limit is found for matrix plants up to {MAX_LIMIT_SIZE} units"
+        raise InvalidInputError(message, "/plant")
+    objective = "tau_p" if performance.tau_p is None else "mu"
+    search = LimitSearch(plant, uncertainty, performance, tick)
+    bound = lower_bound(plant, uncertainty, performance)
+    if math.isinf(bound.value):
+        reason = "no controller keeps mu at 1 or below: |w_I| exceeds 1 at zero frequency"
+        return Limit(LimitStatus.INFEASIBLE, objective, None, bound, reason=reason)
+    if unlimited(plant, uncertainty):
+        reason = (
+            "nothing in the model ends the bandwidth: |w_I| stays below 1, and there is neither "
+            "dead time nor a zero in the right half plane"
+        )
+        return Limit(LimitStatus.UNLIMITED, objective, None, bound, reason=reason)
+    found = search.run()
+    if found is None:
+        reason = "no controller was found that keeps mu at 1 or below, however slow"
+        return Limit(LimitStatus.INFEASIBLE, objective, None, bound, reason=reason)
+    realised = _realised(search, found)
+    warnings = []
+    if realised is None:
+        warnings.append("no controller of limited order was found near the limit")
+    return Limit(
+        LimitStatus.FOUND,
+        objective,
+        found.tau_p if search.sought else found.mu,
+        bound,
+        realised,
+        warnings=tuple(warnings),
+    )
+
+
+def _realised(search: LimitSearch, best: Found) -> Realised | None:
+    """Return the controller of least order that keeps what the search found."""
+    for found in search.buildable(best):
+        parts = reducible(search, found)
+        allowed = 1.0 if search.sought else BUILT_MU * found.mu
+        chosen = _reduced(search, found, parts, allowed)
+        if chosen is not None:
+            realised = _analysed(search, found, chosen)
+            if realised is not None:
+                return realised
+    return None
+
+
+def _reduced(
+    search: LimitSearch, found: Found, parts: list[Reducible], allowed: float
+) -> tuple[StateSpace, ...] | None:
+    performance = search.performance.with_tau_p(found.tau_p)
+    for threshold in np.sort(np.concatenate([part.weights for part in parts]))[::-1]:
+        controllers = tuple(part.truncated(threshold) for part in parts)
+        analysis = CentralisedAnalysis(search.blocks, controllers, search.uncertainty, performance)
+        if (
+            analysis.robust_performance(found.omega).max() <= allowed
+            and closed_loop_poles(search.blocks, controllers) == 0
+        ):
+            return controllers
+    return None
+
+
+def _analysed(
+    search: LimitSearch, found: Found, controllers: tuple[StateSpace, ...]
+) -> Realised | None:
+    """Return the controller and the tau_P it reaches; None if its own peak says otherwise."""
+    controller: StateSpace | ModeController = controllers[0]
+    if isinstance(search.plant, ParallelPlant):
+        controller = ModeController(controllers[0], controllers[-1])
+    tau_p = found.tau_p
+    if search.sought:
+        dense = CentralisedAnalysis(
+            search.blocks, controllers, search.uncertainty, search.performance.with_tau_p(tau_p)
+        ).omega
+
+        def peak(tau_p: float) -> float:
+            performance = search.performance.with_tau_p(tau_p)
+            here = CentralisedAnalysis(search.blocks, controllers, search.uncertainty, performance)
+            return float(here.robust_performance(dense).max())
+
+        tau_p = least_tau_p(peak, tau_p)
+    for _ in range(ATTEMPTS):
+        if not math.isfinite(tau_p):
+            return None
+        robustness = analyse_centralised(
+            search.plant, search.uncertainty, search.performance.with_tau_p(tau_p), controller
+        )
+        if robustness.peaks is None:
+            return None
+        excess = robustness.peaks.robust_performance.value
+        if not search.sought or excess <= 1:
+            states = sum(each.states for each in controllers)
+            return Realised(controller, states, tau_p, robustness)
+        tau_p *= 1 + ROOM + 4 * (excess - 1)  # |w_P| falls no faster than 1/tau_P
+    return None

@@ -1,0 +1,277 @@
+"""From a controller found as a function of frequency to one that can be built.
+
+C = Q (I - G Q)^-1 in state space. Where the plant has dead time, the model of it inside the
+controller is a Pade quotient; the plant itself keeps its dead time in every analysis after that.
+The integrators are split off and kept exactly. The stable rest is reduced by balanced truncation
+weighted with what it does to N (Enns 1984): a change of C changes D N D^-1 by
+
+    [D w_I; -w_P G] (I + C G)^-1 dC (I + G C)^-1 [G D^-1, I],
+
+so the Gramians are integrals of frequency responses, the dead time exact.
+"""
+
+from __future__ import annotations
+
+import functools
+import itertools
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import linalg
+
+from solver.model.plants import ParallelPlant
+from solver.model.state_space import StateSpace
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from solver.limits.search import Found, LimitSearch
+    from solver.limits.youla import YoulaBlock
+    from solver.model.transfer_function import TransferFunction
+
+__all__ = ["Reducible", "reducible"]
+
+PADE_ORDER = 12  # exact to 1e-5 up to omega = 3/dead time, beyond which no loop has any gain
+NOT_STABLE = 1e-6  # of the bandwidth: poles right of minus this are kept
+NEGLIGIBLE = 1e-12  # Hankel singular values below this share of the largest are rounding
+
+
+@dataclass(frozen=True)
+class Reducible:
+    """One block's controller: what is kept, and the rest in balanced coordinates.
+
+    Attributes
+    ----------
+    kept : StateSpace
+        Integrators and, where the controller is unstable, its unstable part.
+    balanced : StateSpace
+        The stable rest; truncating it keeps its first states.
+    weights : (r,)
+        Weighted Hankel singular values of its states, falling.
+
+    """
+
+    kept: StateSpace
+    balanced: StateSpace
+    weights: NDArray[np.float64]
+
+    def truncated(self, threshold: float) -> StateSpace:
+        """Return the controller without the states whose weights are below `threshold`."""
+        order = int(np.count_nonzero(self.weights >= threshold))
+        b = self.balanced
+        reduced = StateSpace(b.A[:order, :order], b.B[:order], b.C[:, :order], b.D)
+        if reduced.poles.real.max(initial=-1.0) >= 0:
+            # Weights on both sides can leave an unstable pole beside the zero that cancels it.
+            reduced = _split(reduced, 0, 0.0)[1]
+        return self.kept.beside(reduced)
+
+
+def reducible(search: LimitSearch, found: Found) -> list[Reducible]:
+    """Return the controller of each block, ready to be truncated."""
+    omega = found.omega
+    s = np.asarray(1j * omega, dtype=np.complex128)
+    w_I = search.uncertainty.magnitude(omega)[:, None, None]
+    w_P = search.performance.with_tau_p(found.tau_p).magnitude(omega)[:, None, None]
+    parts = []
+    for index, own in enumerate(search.youla):
+        block = search.blocks.blocks[index]
+        G = search.blocks.response(omega)[index]
+        Q = own.parameter(s, found.basis, found.X[index])
+        d = found.v[:, list(block.scales)] ** -0.5
+        eye = np.eye(block.size)
+        before = (eye - G @ Q) @ np.concatenate(
+            [G / d[:, None, :], np.broadcast_to(eye, G.shape)], axis=2
+        )
+        after = np.concatenate([w_I * d[:, :, None] * eye, -w_P * G], axis=1) @ (eye - Q @ G)
+        Y = found.basis.realise(found.X[index])
+        mixed = StateSpace(Y.A, Y.B, own.inverse @ Y.C, own.inverse @ Y.D)
+        controller = _controller(mixed, _model(search, own))
+        kept, rest = _split(controller, own.size, NOT_STABLE * search.bandwidth)
+        if own.integrating.any():
+            kept, rest = _lifted(kept, own), _lift(own).after(rest)
+        parts.append(_balanced(kept, rest, omega, before, after))
+    return parts
+
+
+def _model(search: LimitSearch, own: YoulaBlock) -> StateSpace:
+    """G J of one block in state space, dead times as Pade quotients."""
+    plant = search.plant
+    lifted = [own.fast if integrates else None for integrates in own.integrating]
+    if isinstance(plant, ParallelPlant):
+        process = _realised(plant.process, lifted[0])
+        if plant.n == 1:
+            return process
+        factor = plant.n - 1 if own.index == 0 else -1
+        return process.beside(_times(factor, _realised(plant.interaction, lifted[0])))
+    each = np.eye(plant.n)
+    places = []
+    for row, column in itertools.product(range(plant.n), repeat=2):
+        one = _realised(plant.element(row, column), lifted[column])
+        places.append(
+            StateSpace(
+                one.A,
+                one.B @ each[[column]],
+                each[:, [row]] @ one.C,
+                one.D * np.outer(each[row], each[column]),
+            )
+        )
+    return functools.reduce(StateSpace.beside, places)
+
+
+def _realised(function: TransferFunction, fast: float | None) -> StateSpace:
+    """Return a transfer function, times s/(1 + s/fast) where `fast` is given, in state space."""
+    num, den = np.array(function.num), np.array(function.den)
+    if fast is not None and not function.is_zero:
+        if den[-1] == 0:
+            den = den[:-1]
+        else:
+            num = np.append(num, 0.0)
+        den = np.convolve(den, [1 / fast, 1.0])
+    rational = _from_polynomials(num, den)
+    if not function.dead_time:
+        return rational
+    return _pade(function.dead_time).after(rational)
+
+
+def _from_polynomials(num: NDArray[np.float64], den: NDArray[np.float64]) -> StateSpace:
+    """Return the canonical form, time scaled so that its coefficients are near each other."""
+    order = len(den) - 1
+    num = np.concatenate([np.zeros(order + 1 - len(num)), num]) / den[0]
+    den = den / den[0]
+    if not order:
+        return StateSpace(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), [[num[0]]])
+    sizes = np.abs(den[1:]) ** (1 / np.arange(1, order + 1))
+    unit = float(sizes.max()) or 1.0
+    power = unit ** np.arange(order + 1)
+    den, num = den / power, num / power
+    A = np.zeros((order, order))
+    A[0] = -den[1:]
+    A[1:, :-1] = np.eye(order - 1)
+    B = np.eye(order)[:, :1]
+    C = (num[1:] - num[0] * den[1:])[None]
+    return StateSpace(unit * A, unit * B, C, [[num[0]]])
+
+
+def _pade(dead_time: float) -> StateSpace:
+    """exp(-dead_time s) as a quotient of polynomials of degree `PADE_ORDER`, in balanced sections.
+
+    Golub and Van Loan, section 9.3.1; factors of first and second order keep it well scaled.
+    """
+    roots = np.roots(
+        [
+            math.factorial(2 * PADE_ORDER - j)
+            / (math.factorial(j) * math.factorial(PADE_ORDER - j))
+            for j in range(PADE_ORDER, -1, -1)
+        ]
+    )
+    upper = roots[roots.imag > 0] / dead_time  # an even order has no real root
+    sections = [
+        _from_polynomials(
+            np.array([1.0, 2 * root.real, abs(root) ** 2]),
+            np.array([1.0, -2 * root.real, abs(root) ** 2]),
+        )
+        for root in upper
+    ]
+    return functools.reduce(StateSpace.after, sections)
+
+
+def _times(factor: float, system: StateSpace) -> StateSpace:
+    return StateSpace(system.A, system.B, factor * system.C, factor * system.D)
+
+
+def _lift(own: YoulaBlock) -> StateSpace:
+    """J: s/(1 + s/f) = f - f^2/(s + f) on the inputs that integrate, 1 on the others."""
+    size = own.size
+    lift = own.integrating.astype(float)
+    return StateSpace(
+        -own.fast * np.eye(size),
+        own.fast * np.diag(lift),
+        -own.fast * np.diag(lift),
+        np.diag(np.where(own.integrating, own.fast, 1.0)),
+    )
+
+
+def _lifted(kept: StateSpace, own: YoulaBlock) -> StateSpace:
+    """J times the kept part; its integrators and the zeros of J at s = 0 cancel exactly."""
+    if kept.A.any():
+        return _lift(own).after(kept)
+    A = np.diag(np.where(own.integrating, -own.fast, 0.0))
+    gain = np.where(own.integrating, own.fast, 1.0)
+    return StateSpace(A, gain[:, None] * (kept.C @ kept.B), np.eye(own.size), kept.D)
+
+
+def _controller(Q: StateSpace, G: StateSpace) -> StateSpace:
+    """C = Q (I - G Q)^-1: u = Q (e + G u)."""
+    size = Q.D.shape[0]
+    Z = np.linalg.inv(np.eye(size) - Q.D @ G.D)
+    # u = C_u x + D_u e with x = (x_Q, x_G)
+    C_u = Z @ np.hstack([Q.C, Q.D @ G.C])
+    D_u = Z @ Q.D
+    # e + G u = C_e x + D_e e
+    C_e = np.hstack([np.zeros((size, Q.states)), G.C]) + G.D @ C_u
+    D_e = np.eye(size) + G.D @ D_u
+    A = linalg.block_diag(Q.A, G.A) + np.vstack([Q.B @ C_e, G.B @ C_u])
+    return StateSpace(A, np.vstack([Q.B @ D_e, G.B @ D_u]), C_u, D_u)
+
+
+def _split(system: StateSpace, integrators: int, near: float) -> tuple[StateSpace, StateSpace]:
+    """Return the part with poles at s = 0 and right of it, and the stable rest with D."""
+    T, scale = linalg.matrix_balance(system.A, permute=False)
+    diagonal = np.diag(scale)
+    B, C = system.B / diagonal[:, None], system.C * diagonal
+
+    def keep(real: float, imaginary: float) -> bool:
+        return real > -near or real > -1e-9 * abs(imaginary)
+
+    A, V, kept = linalg.schur(T, sort=keep)
+    B, C = V.T @ B, C @ V
+    X = linalg.solve_sylvester(A[:kept, :kept], -A[kept:, kept:], -A[:kept, kept:])
+    # Coordinates in which A is block diagonal.
+    first = B[:kept] - X @ B[kept:]
+    last = C[:, kept:] + C[:, :kept] @ X
+    own = A[:kept, :kept]
+    if kept == integrators:
+        own = np.zeros_like(own)  # exactly: T(0) = I by construction
+    D = np.zeros_like(system.D)
+    return (
+        StateSpace(own, first, C[:, :kept], D),
+        StateSpace(A[kept:, kept:], B[kept:], last, system.D),
+    )
+
+
+def _balanced(
+    kept: StateSpace,
+    rest: StateSpace,
+    omega: NDArray[np.float64],
+    before: NDArray[np.complex128],
+    after: NDArray[np.complex128],
+) -> Reducible:
+    """Weighted balanced coordinates, by the square-root method."""
+    resolvent = np.linalg.inv(1j * omega[:, None, None] * np.eye(rest.states) - rest.A)
+    # Either weight may be huge at low frequency where their product is not.
+    sizes = [np.linalg.norm(part, axis=(1, 2)) for part in (before, after)]
+    share = np.sqrt(np.gradient(np.log(omega)))
+    middle = np.sqrt(sizes[1] / sizes[0])
+    into = (share * middle)[:, None, None] * resolvent @ rest.B @ before
+    out = (share / middle)[:, None, None] * after @ rest.C @ resolvent
+    P = np.einsum("kia,kja->ij", into, into.conj()).real
+    O = np.einsum("kai,kaj->ij", out.conj(), out).real  # noqa: E741 - the field's letter
+    root_P, root_O = _root(P), _root(O)
+    U, weights, Vh = np.linalg.svd(root_O.T @ root_P)
+    order = int(np.count_nonzero(weights > NEGLIGIBLE * weights[0])) if weights.size else 0
+    inverse = weights[:order] ** -0.5
+    left = (inverse[:, None] * U[:, :order].T) @ root_O.T
+    right = root_P @ (Vh[:order].T * inverse)
+    return Reducible(
+        kept,
+        StateSpace(left @ rest.A @ right, left @ rest.B, rest.C @ right, rest.D),
+        weights[:order],
+    )
+
+
+def _root(gramian: NDArray[np.float64]) -> NDArray[np.float64]:
+    """L with L L^T = gramian, rounding below zero cut off."""
+    value, vector = np.linalg.eigh(gramian)
+    return np.asarray(vector * np.sqrt(np.maximum(value, 0)))

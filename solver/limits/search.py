@@ -1,0 +1,389 @@
+"""Least mu, or least tau_P, over all controllers: convex steps on a grid that follows the peaks.
+
+The value is a local one: mu is not jointly convex in the controller and the scales. For a parallel
+plant the controller is parallel too (docs/limits.md).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from solver.limits.basis import Basis
+from solver.limits.programs import AffineBlock, MatrixProgram, ScalarProgram
+from solver.limits.youla import youla_blocks
+from solver.model.frequencies import corners, grid, resonances
+from solver.model.peaks import local_peaks
+from solver.model.transfer_function import LARGEST
+from solver.robustness.centralised import best_scales, central_blocks
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from numpy.typing import NDArray
+
+    from solver.model.plants import Plant
+    from solver.model.weights import Performance, Uncertainty
+
+__all__ = ["Found", "LimitSearch", "least_tau_p"]
+
+SETTLED = 2e-4  # relative gain of a step below which the next ones gain less
+REFINED = 5e-3  # relative gain of a richer basis below which the value has settled
+BETWEEN = 5e-4  # relative excess of mu between the grid's points that is let pass
+TARGET = 1 - 2 * BETWEEN  # of mu on the grid where tau_P is sought, so that 1 holds between
+# What is built keeps this much of mu in hand for the reduction of its order, and ends earlier.
+MARGINS = (0.985, 0.95, 0.88)
+BUILT_HIGH = 10.0  # fastest pole of its basis over the bandwidth
+BUILT_END = 3.0  # where its functions begin to fall, over its fastest pole
+BUILT_DENSITY = 3.0  # of its poles, as `POLES_PER_DECADE`
+MAX_STEPS = 60
+MAX_EXCHANGES = 6
+SLOWER = 4.0  # by which tau_P grows while no controller is found that meets it
+SLOWEST_TRIED = 1e6  # times the inverse bandwidth: w_P has then ended before any loop begins
+POINTS_PER_DECADE = 12.0
+MATRIX_POINTS = 7.0  # the same for a matrix plant, whose program is a hundred times as large
+MATRIX_DENSITY = 2.5  # of the poles of its basis
+DENSER = 5  # points of the checking grid for each one of the program's
+POLES_PER_DECADE = (1.5, 2.5, 4.0)  # of the basis, each pole twice: of one refinement after another
+DIGITS = 1e-9  # of a tau_P: the last ones that a peak on a grid can have a use for
+SLOWEST, FASTEST = 1e-9, 1e9  # of tau_P over the time of the bandwidth
+
+
+@dataclass(frozen=True)
+class Found:
+    """A controller as a function of frequency.
+
+    Attributes
+    ----------
+    X : list of (j, m, m)
+        Coefficients of each block in `basis`.
+    basis : Basis
+        The functions.
+    v : (k, scales)
+        d^-2 on the search's grid.
+    mu : float
+        Peak on the checking grid.
+    tau_p : float
+        Time constant for which that is so.
+
+    """
+
+    X: list[NDArray[np.float64]]
+    basis: Basis
+    mu: float
+    tau_p: float
+    omega: NDArray[np.float64]
+    v: NDArray[np.float64]
+
+
+def least_tau_p(
+    peak: Callable[[float], float], start: float, level: float = 1.0, *, digits: float = DIGITS
+) -> float:
+    """Least tau_P at which a falling peak is at most `level`; infinite without one.
+
+    Parameters
+    ----------
+    peak : callable
+        mu at a time constant; falls as that grows.
+    start : float
+        Where to begin.
+    level : float
+        What the peak may reach.
+    digits : float
+        Relative width of the bracket that is left.
+
+    """
+    low = high = start
+    if peak(start) <= level:
+        while low > SLOWEST * start and peak(low) <= level:
+            high, low = low, low / 2
+    else:
+        while high < min(FASTEST * start, LARGEST) and peak(high) > level:
+            low, high = high, min(high * 2, LARGEST)
+        if peak(high) > level:
+            return math.inf
+    while high / low > 1 + digits:
+        middle = math.sqrt(low * high)
+        low, high = (low, middle) if peak(middle) <= level else (middle, high)
+    return high
+
+
+class LimitSearch:
+    """The search for one plant and its weights.
+
+    Parameters
+    ----------
+    plant : Plant
+        Stable or integrating.
+    uncertainty, performance : Uncertainty, Performance
+        The weights; with a `tau_p` the objective is mu, without one it is tau_P.
+    tick : callable
+        Called after each convex step.
+
+    """
+
+    def __init__(
+        self,
+        plant: Plant,
+        uncertainty: Uncertainty,
+        performance: Performance,
+        tick: Callable[[], None] = lambda: None,
+    ) -> None:
+        self.plant, self.uncertainty, self.performance = plant, uncertainty, performance
+        self.tick = tick
+        self.target = TARGET
+        self.blocks = central_blocks(plant, uncertainty.structure)
+        bends = corners(plant, uncertainty)
+        self.bandwidth = _bandwidth(plant, uncertainty, bends)
+        low = min(max(bends.min() / 3, 1e-4 * self.bandwidth), self.bandwidth / 30)
+        high = max(min(15 * bends.max(), 300 * self.bandwidth), 30 * self.bandwidth)
+        self.youla = youla_blocks(self.blocks, fast=10 * high)
+        # The weak directions of a plant can be held only after the strong ones have settled.
+        low = min(low, 0.1 * self.bandwidth / math.sqrt(self._spread()))
+        self.range = low, high
+        extra = [resonances(plant), bends]
+        density = POINTS_PER_DECADE if self.scalar else MATRIX_POINTS
+        self.omega = grid(low / 200, 30 * high, density, extra)
+
+    def _spread(self) -> float:
+        """Greatest gain of the plant at low frequency over its least one."""
+        sizes = np.concatenate([np.linalg.svd(b.inverse, compute_uv=False) for b in self.youla])
+        return float(sizes.max() / sizes.min())
+
+    @property
+    def sought(self) -> bool:
+        """Whether tau_P is sought."""
+        return self.performance.tau_p is None
+
+    @property
+    def scalar(self) -> bool:
+        """Whether all blocks have one channel: then a step costs milliseconds, else seconds."""
+        return all(block.size == 1 for block in self.blocks.blocks)
+
+    def run(self) -> Found | None:
+        """Return the best controller; None where mu stays above 1 for every tau_P."""
+        best: Found | None = None
+        if not self.scalar:
+            return self._with_basis(self._built_basis(MATRIX_DENSITY), None)
+        for density in POLES_PER_DECADE:
+            found = self._with_basis(self._basis(density, self.range[1], 10 * self.range[1]), best)
+            if found is None:
+                break
+            value, before = self._value(found), self._value(best) if best else math.inf
+            if value < before:
+                best = found
+            if value > before * (1 - REFINED):
+                break
+        return best
+
+    def buildable(self, best: Found) -> Iterator[Found]:
+        """Yield controllers with a margin for their realisation, the fastest one first."""
+        if not self.sought and not self.scalar:
+            yield best
+            return
+        basis = self._built_basis(BUILT_DENSITY if self.scalar else MATRIX_DENSITY)
+        for margin in MARGINS if self.sought else (1.0,):
+            self.target = margin
+            found = self._with_basis(basis, best)
+            if found is not None:
+                yield found
+
+    def _value(self, found: Found) -> float:
+        return found.tau_p if self.sought else found.mu
+
+    def _built_basis(self, density: float) -> Basis:
+        high = min(self.range[1], BUILT_HIGH * self.bandwidth)
+        return self._basis(density, high, BUILT_END * high)
+
+    def _basis(self, density: float, high: float, end: float) -> Basis:
+        low = self.range[0]
+        count = max(2, round(density * math.log10(high / low)))
+        poles = np.repeat(np.geomspace(low, high, count), 2)
+        return Basis.over(self.omega, self.bandwidth, poles, end)
+
+    def _with_basis(self, basis: Basis, before: Found | None) -> Found | None:
+        """Best controller in one basis, its grid following the peaks."""
+        omega = self.omega if before is None else before.omega
+        state = _State(self, basis, omega)
+        start: list[NDArray[np.float64]] | None = None
+        if before is None:
+            start = [np.zeros((basis.size, block.size, block.size)) for block in self.youla]
+            tau_p = self.performance.tau_p or 10 / self.bandwidth
+            mu, v = state.measure(start, tau_p)
+        else:
+            tau_p, mu, v = before.tau_p, before.mu, before.v
+        for _ in range(MAX_EXCHANGES):
+            result = self._descend(state, start, v, mu, tau_p)
+            if result is None:
+                return None
+            X, v, mu, tau_p = result
+            start = X
+            checked = self._checked(state, X, v, tau_p)
+            if checked is None or isinstance(checked, Found):
+                return checked
+            omega = np.union1d(state.omega, checked)
+            state = _State(self, basis, omega)
+            mu, v, tau_p = self._slower(state, X, tau_p)
+        return self._found(state, X, v, tau_p)
+
+    def _slower(
+        self, state: _State, X: list[NDArray[np.float64]], tau_p: float
+    ) -> tuple[float, NDArray[np.float64], float]:
+        """Return mu, v and the least tau_P of given coefficients; `tau_p` where none meets mu."""
+        if self.sought:
+            least = state.least_tau_p(X, tau_p, self.target)
+            tau_p = least if math.isfinite(least) else tau_p
+        return *state.measure(X, tau_p), tau_p
+
+    def _descend(
+        self,
+        state: _State,
+        X: list[NDArray[np.float64]] | None,
+        v: NDArray[np.float64],
+        mu: float,
+        tau_p: float,
+    ) -> tuple[list[NDArray[np.float64]], NDArray[np.float64], float, float] | None:
+        """Take steps until they gain no more."""
+        for _ in range(MAX_STEPS):
+            self.tick()
+            step = state.program.solve(v, mu, state.w_I, state.w_P(tau_p))
+            if step is None:
+                break
+            trial_mu, _ = state.measure(step.X, tau_p)
+            if X is not None and not trial_mu < mu:
+                break
+            gain = 1 - trial_mu / mu
+            X = step.X
+            before = tau_p
+            mu, v, tau_p = self._slower(state, X, tau_p)
+            if max(gain, 1 - tau_p / before) < SETTLED:
+                if not (
+                    self.sought
+                    and mu > self.target * (1 + BETWEEN)
+                    and tau_p < SLOWEST_TRIED / self.bandwidth
+                ):
+                    break
+                tau_p *= SLOWER
+                mu, v = state.measure(X, tau_p)
+        # The peak of a tau_P found is the target, to the digits that the bisection leaves.
+        missed = self.sought and mu > self.target * (1 + BETWEEN)
+        return None if X is None or missed else (X, v, mu, tau_p)
+
+    def _checked(
+        self, state: _State, X: list[NDArray[np.float64]], v: NDArray[np.float64], tau_p: float
+    ) -> Found | NDArray[np.float64] | None:
+        """Return the controller if no peak between the points matters, else the peaks to add."""
+        dense = np.unique(
+            np.concatenate(
+                [
+                    state.omega,
+                    grid(
+                        float(state.omega[0]),
+                        float(state.omega[-1]),
+                        DENSER * POINTS_PER_DECADE,
+                    ),
+                ]
+            )
+        )
+
+        def curve(omega: NDArray[np.float64]) -> NDArray[np.float64]:
+            return _State(self, state.basis, omega, program=False).curve(X, tau_p)[0]
+
+        values = curve(dense)
+        level = curve(state.omega).max()
+        where, heights = local_peaks(curve, dense, values, rounds=1)
+        over = heights > level * (1 + BETWEEN)
+        return where[over] if over.any() else self._found(state, X, v, tau_p)
+
+    def _found(
+        self, state: _State, X: list[NDArray[np.float64]], v: NDArray[np.float64], tau_p: float
+    ) -> Found | None:
+        low, high = float(state.omega[0]), float(state.omega[-1])
+        dense = grid(low, high, DENSER * POINTS_PER_DECADE, [state.omega])
+        checking = _State(self, state.basis, dense, program=False)
+        if self.sought:
+            tau_p = checking.least_tau_p(X, tau_p, min(1.0, self.target * (1 + 2 * BETWEEN)))
+            if math.isinf(tau_p):
+                return None
+        mu = float(checking.curve(X, tau_p)[0].max())
+        return Found(X, state.basis, mu, tau_p, state.omega, v)
+
+
+class _State:
+    """The problem on one grid and in one basis."""
+
+    def __init__(
+        self,
+        search: LimitSearch,
+        basis: Basis,
+        omega: NDArray[np.float64],
+        *,
+        program: bool = True,
+    ) -> None:
+        self.search, self.basis, self.omega = search, basis, omega
+        s = np.asarray(1j * omega, dtype=np.complex128)
+        first, rest = basis(s)
+        self.affine = []
+        for block, own, G in zip(
+            search.blocks.blocks, search.youla, search.blocks.response(omega), strict=True
+        ):
+            prefilter = own.prefilter(s)
+            offset = first[:, None, None] * prefilter
+            slope = rest[:, :, None, None] * prefilter[:, None]
+            self.affine.append(AffineBlock(G, offset, slope, block.scales))
+        if program:
+            self.program = (ScalarProgram if search.scalar else MatrixProgram)(self.affine)
+        self.w_I = search.uncertainty.magnitude(omega)
+
+    def w_P(self, tau_p: float) -> NDArray[np.float64]:  # noqa: N802 - the weight's name
+        """|w_P| (k,) at the time constant `tau_p`."""
+        return self.search.performance.with_tau_p(tau_p).magnitude(self.omega)
+
+    def curve(
+        self, X: list[NDArray[np.float64]], tau_p: float
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return mu (k,) and v (k, scales) for the coefficients X at the time constant `tau_p`."""
+        rows = [(block, *self._columns(block, x)) for block, x in zip(self.affine, X, strict=True)]
+        return self._curve(rows, tau_p)
+
+    def measure(
+        self, X: list[NDArray[np.float64]], tau_p: float
+    ) -> tuple[float, NDArray[np.float64]]:
+        """Peak of mu on the grid, and v (k, scales)."""
+        mu, v = self.curve(X, tau_p)
+        return float(mu.max()), v
+
+    def least_tau_p(self, X: list[NDArray[np.float64]], start: float, level: float) -> float:
+        """Least tau_P at which the coefficients keep mu at `level` or below on the grid."""
+        rows = [(block, *self._columns(block, x)) for block, x in zip(self.affine, X, strict=True)]
+        return least_tau_p(lambda tau_p: float(self._curve(rows, tau_p)[0].max()), start, level)
+
+    def _columns(
+        self, block: AffineBlock, x: NDArray[np.float64]
+    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+        Q = block.parameter(x)
+        return Q, np.eye(Q.shape[1]) - block.G @ Q
+
+    def _curve(
+        self,
+        rows: list[tuple[AffineBlock, NDArray[np.complex128], NDArray[np.complex128]]],
+        tau_p: float,
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        w_I, w_P = self.w_I[:, None, None], self.w_P(tau_p)[:, None, None]
+        matrices = [
+            np.block([[w_I * Q @ b.G, w_I * Q], [w_P * S @ b.G, w_P * S]]) for b, Q, S in rows
+        ]
+        mu, x = best_scales(self.search.blocks, matrices)
+        return mu, 1 / x
+
+
+def _bandwidth(plant: Plant, uncertainty: Uncertainty, bends: NDArray[np.float64]) -> float:
+    """Where |w_I| passes 1 or the dead time ends any loop; else the fastest bend."""
+    omega = grid(1e-3 * float(bends.min()), 1e3 * float(bends.max()), 20)
+    over = np.flatnonzero(uncertainty.magnitude(omega) >= 1)
+    limits = [float(omega[over[0]])] if over.size and over[0] > 0 else [float(bends.max())]
+    limits += [1 / element.dead_time for element in plant.elements if element.dead_time > 0]
+    return min(limits)

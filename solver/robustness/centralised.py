@@ -1,0 +1,435 @@
+"""Robustness of a full (centralised) controller: mu over frequency, its peaks, nominal stability.
+
+N_RP = [[w_I C S G, w_I C S], [w_P S G, w_P S]] with C any matrix: Skogestad, Lundstrom and Hovd
+(1989), eq. 31. A parallel controller on a parallel plant splits as the plant does, into the sum of
+all units and their differences, which share one D-scale: two scalar blocks for any number of
+units. There N is of rank one, and with x = d^2 a block demands
+
+    (alpha x + beta) (1 + gamma/x) <= mu^2,   alpha = |w_I C S|^2, beta = |w_P S|^2, gamma = |G|^2.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from solver.model.blocks import reduce
+from solver.model.errors import InvalidInputError
+from solver.model.frequencies import corners, grid, low_end, resonances
+from solver.model.open_loop import require_supported
+from solver.model.peaks import highest, slices
+from solver.model.plants import MatrixPlant, ParallelPlant
+from solver.model.state_space import StateSpace
+from solver.mu.scaling import upper_bound
+from solver.mu.structure import BlockStructure, sigma_max
+from solver.robustness.record import Curves, Guarantee, GuaranteeStatus, Peaks
+from solver.stability.closed_loop import INFINITELY_MANY
+from solver.stability.encirclements import Batch, count_unstable
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from solver.model.blocks import LoopBlocks
+    from solver.model.plants import Plant
+    from solver.model.transfer_function import TransferFunction
+    from solver.model.weights import Performance, Structure, Uncertainty
+
+__all__ = [
+    "Centralised",
+    "CentralisedAnalysis",
+    "ModeController",
+    "analyse_centralised",
+    "best_scales",
+    "central_blocks",
+    "closed_loop_poles",
+]
+
+POINTS_PER_DECADE = 48
+LOWEST = 1e-18  # of the lowest bend, as for single loops
+ON_THE_AXIS = 1e-9  # relative real part below which a controller's pole counts as an integrator
+
+
+@dataclass(frozen=True)
+class ModeController:
+    """A parallel controller: one on the sum of all units, one on their differences.
+
+    u = c_d (e - mean(e)) + c_s mean(e): c_s acts on the mean, c_d on what remains.
+
+    Parameters
+    ----------
+    total, difference : StateSpace
+        c_s and c_d, one input and one output each.
+
+    """
+
+    total: StateSpace
+    difference: StateSpace
+
+    def __post_init__(self) -> None:
+        for name in ("total", "difference"):
+            if getattr(self, name).D.shape != (1, 1):
+                message = "a mode controller has one input and one output"
+                raise InvalidInputError(message, f"/{name}")
+
+    def full(self, n: int) -> StateSpace:
+        """Return the n x n controller."""
+        mean = np.full((n, 1), 1 / n)
+        rest = np.linalg.svd(np.eye(n) - 1 / n)[0][:, : n - 1]  # orthonormal, of zero mean
+        total = StateSpace(
+            self.total.A,
+            self.total.B @ mean.T,
+            np.ones((n, 1)) @ self.total.C,
+            np.ones((n, 1)) @ self.total.D @ mean.T,
+        )
+        if n == 1:
+            return total
+        each = np.eye(n - 1)
+        d = self.difference
+        difference = StateSpace(
+            np.kron(each, d.A),
+            np.kron(each, d.B) @ rest.T,
+            rest @ np.kron(each, d.C),
+            rest @ np.kron(each, d.D) @ rest.T,
+        )
+        return total.beside(difference)
+
+
+FullController = StateSpace | MatrixPlant | ModeController
+
+
+def central_blocks(plant: Plant, structure: Structure) -> LoopBlocks:
+    """Return the blocks of a plant under a full controller: two modes, or the whole matrix."""
+    if isinstance(plant, ParallelPlant):
+        return reduce(plant, [range(plant.n)], structure)
+    return reduce(plant, [[unit] for unit in range(plant.n)], structure)
+
+
+def best_scales(
+    blocks: LoopBlocks,
+    matrices: list[NDArray[np.complex128]],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Upper bound of mu over all blocks, and the scales that prove it.
+
+    Parameters
+    ----------
+    blocks : LoopBlocks
+        As of `central_blocks`.
+    matrices : list of (k, 2 m, 2 m) complex
+        N of each block.
+
+    Returns
+    -------
+    mu : (k,)
+        min over D of the greatest sigma_max(D N D^-1).
+    x : (k, scales)
+        Squared scales.
+
+    """
+    if not isinstance(blocks.plant, ParallelPlant):
+        block = blocks.blocks[0]
+        bound = upper_bound(matrices[0], BlockStructure(block.scales, block.size))
+        return bound.mu, bound.d**2
+    squares = [np.abs(N) ** 2 for N in matrices]
+    square, x = _shared_scale(
+        # The terms of |D N D^-1|^2 by powers of x; N is of rank one.
+        np.stack([square[:, 0, 1] for square in squares], axis=-1),
+        np.stack([square[:, 0, 0] + square[:, 1, 1] for square in squares], axis=-1),
+        np.stack([square[:, 1, 0] for square in squares], axis=-1),
+    )
+    return np.sqrt(square), x[:, None]
+
+
+def _shared_scale(
+    rise: NDArray[np.float64], level: NDArray[np.float64], fall: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Least over x of the greatest rise x + level + fall/x of each row (k, blocks), and x.
+
+    Each is quasi-convex, so the least of the greatest is at a minimum of one or where two cross.
+    """
+    tiny = np.finfo(float).tiny
+
+    def greatest(x: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray((rise * x[:, None] + level + fall / x[:, None]).max(axis=1))
+
+    points = [np.sqrt((fall[:, j] + tiny) / (rise[:, j] + tiny)) for j in range(rise.shape[1])]
+    for i, j in itertools.combinations(range(rise.shape[1]), 2):
+        a, b, c = (each[:, i] - each[:, j] for each in (rise, level, fall))
+        root = b + np.copysign(np.sqrt(np.maximum(b * b - 4 * a * c, 0)), b)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            for x in (-root / (2 * a), -2 * c / root):
+                points.append(np.where(np.isfinite(x) & (x > 0), x, points[0]))
+    values = np.stack([greatest(x) for x in points])
+    best = values.argmin(axis=0)
+    each = np.arange(best.size)
+    return values[best, each], np.stack(points)[best, each]
+
+
+@dataclass(frozen=True)
+class CentralisedAnalysis:
+    """mu curves of a plant under a full controller, every value recomputed from its own scales.
+
+    Parameters
+    ----------
+    blocks : LoopBlocks
+        As of `central_blocks`.
+    controllers : tuple of StateSpace or MatrixPlant
+        One a block.
+    uncertainty, performance : Uncertainty, Performance
+        The weights; `performance.tau_p` is needed.
+
+    """
+
+    blocks: LoopBlocks
+    controllers: tuple[StateSpace | MatrixPlant, ...]
+    uncertainty: Uncertainty
+    performance: Performance
+
+    @cached_property
+    def bends(self) -> NDArray[np.float64]:
+        """Corner frequencies of plant, weights and controller, rad per time unit."""
+        found = list(corners(self.blocks.plant, self.uncertainty))
+        if self.performance.tau_p is not None:
+            found.append(1 / self.performance.tau_p)
+        for controller in self.controllers:
+            sizes = np.abs(_poles(controller))
+            found += list(sizes[sizes > ON_THE_AXIS * max(found)])
+        return np.unique(found)
+
+    @cached_property
+    def omega(self) -> NDArray[np.float64]:
+        """Dense grid over the whole axis: both ends lie where the curves are at their limits."""
+        lowest = float(self.bends.min())
+        low = low_end(self.robust_performance, 1e-4 * lowest, LOWEST * lowest)
+        extra = [resonances(self.blocks.plant), self.bends]
+        return grid(low, 1e3 * self.bends.max(), POINTS_PER_DECADE, extra)
+
+    def matrices(self, omega: NDArray[np.float64]) -> list[NDArray[np.complex128]]:
+        """N_RP of each block, (k, 2 m, 2 m) complex: uncertain channels first."""
+        w_I = self.uncertainty.weight.response(omega)[:, None, None]
+        w_P = self.performance.weight.response(omega)[:, None, None]
+        matrices = []
+        for G, controller in zip(self.blocks.response(omega), self.controllers, strict=True):
+            C = controller.response(omega)
+            S = np.linalg.inv(np.eye(G.shape[1]) + G @ C)
+            R = C @ S
+            matrices.append(np.block([[w_I * R @ G, w_I * R], [w_P * S @ G, w_P * S]]))
+        return matrices
+
+    def robust_performance(self, omega: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Upper bound of mu(N_RP) at `omega` (k,)."""
+        return best_scales(self.blocks, self.matrices(omega))[0]
+
+    def curves(self, omega: NDArray[np.float64]) -> Curves:
+        """Robust performance, robust stability and nominal performance at `omega` (k,)."""
+        matrices = self.matrices(omega)
+        performance = [
+            sigma_max(N[:, block.size :, block.size :])
+            for N, block in zip(matrices, self.blocks.blocks, strict=True)
+        ]
+        return Curves(
+            omega,
+            best_scales(self.blocks, matrices)[0],
+            self._robust_stability(matrices),
+            np.asarray(np.max(performance, axis=0)),
+        )
+
+    def _robust_stability(self, matrices: list[NDArray[np.complex128]]) -> NDArray[np.float64]:
+        bounds = []
+        for N, block in zip(matrices, self.blocks.blocks, strict=True):
+            M = N[:, : block.size, : block.size]
+            scalar = block.size == 1
+            structure = BlockStructure(block.scales, 0)
+            bounds.append(np.abs(M[:, 0, 0]) if scalar else upper_bound(M, structure).mu)
+        return np.asarray(np.max(bounds, axis=0))
+
+    def peaks(self, curves: Curves) -> Peaks:
+        """Peaks of the three curves, refined from those on a grid."""
+
+        def side_by_side(parts: list[NDArray[np.float64]]) -> list[NDArray[np.float64]]:
+            here = self.curves(np.concatenate(parts))
+            values = here.robust_performance, here.robust_stability, here.nominal_performance
+            return [value[part] for value, part in zip(values, slices(parts), strict=True)]
+
+        on_grid = curves.robust_performance, curves.robust_stability, curves.nominal_performance
+        return Peaks(*highest(side_by_side, [(curves.omega, curve) for curve in on_grid]))
+
+
+@dataclass(frozen=True)
+class Centralised:
+    """Robustness of a full controller.
+
+    `unstable_poles` counts those of the closed loop with a real part >= 0; with any, `peaks`,
+    `curves` and `guarantee` are None: mu has no meaning then. The guarantee is open: the peak is
+    the highest value met on a dense grid of the whole axis, refined, and no proof is attempted.
+    """
+
+    nominally_stable: bool
+    unstable_poles: int
+    peaks: Peaks | None
+    curves: Curves | None
+    guarantee: Guarantee | None = None
+    warnings: tuple[str, ...] = field(default=())
+
+
+def analyse_centralised(
+    plant: Plant, uncertainty: Uncertainty, performance: Performance, controller: FullController
+) -> Centralised:
+    """Analyse a full controller.
+
+    Parameters
+    ----------
+    plant : Plant
+        Open-loop stable or integrating.
+    uncertainty, performance : Uncertainty, Performance
+        The weights; `performance.tau_p` is needed.
+    controller : StateSpace, MatrixPlant (a transfer matrix) or ModeController
+        u = C e, e the set-point error. A mode controller is for a parallel plant.
+
+    Raises
+    ------
+    InvalidInputError
+        No `tau_p`, or a controller of another size than the plant.
+    UnsupportedPlantError
+        The plant is open-loop unstable.
+
+    """
+    if performance.tau_p is None:
+        message = "an analysis needs a time constant"
+        raise InvalidInputError(message, "/performance/tau_p")
+    require_supported(plant)
+    blocks, controllers = _paired(plant, uncertainty, controller)
+    unstable = closed_loop_poles(blocks, controllers)
+    if unstable:
+        warning = "the closed loop is unstable: mu has no meaning for it"
+        return Centralised(
+            nominally_stable=False,
+            unstable_poles=unstable,
+            peaks=None,
+            curves=None,
+            warnings=(warning,),
+        )
+    analysis = CentralisedAnalysis(blocks, controllers, uncertainty, performance)
+    curves = analysis.curves(analysis.omega)
+    peaks = analysis.peaks(curves)
+    guarantee = Guarantee(
+        GuaranteeStatus.OPEN,
+        peaks.robust_performance.value,
+        f"the highest value on a grid of {curves.omega.size} frequencies over the whole axis, "
+        "refined at the peaks; proofs are for single loops",
+    )
+    return Centralised(
+        nominally_stable=True, unstable_poles=0, peaks=peaks, curves=curves, guarantee=guarantee
+    )
+
+
+def closed_loop_poles(blocks: LoopBlocks, controllers: tuple[StateSpace | MatrixPlant, ...]) -> int:
+    """Count the closed-loop poles with a real part >= 0, dead time exact.
+
+    det(I + G C) of each block along the Nyquist contour; poles of the controller in the right
+    half plane are added to the turns counted.
+    """
+    plant = blocks.plant
+    bends = corners(plant)
+    total = 0
+    for index, (block, controller) in enumerate(zip(blocks.blocks, controllers, strict=True)):
+        poles = _poles(controller)
+        sizes = np.abs(poles)
+        near = ON_THE_AXIS * sizes.max(initial=0.0)
+        unstable = int(np.count_nonzero((poles.real > ON_THE_AXIS * sizes) & (sizes > near)))
+        own = sizes[sizes > near]
+
+        def loop_gain(
+            omega: NDArray[np.float64],
+            index: int = index,
+            controller: StateSpace | MatrixPlant = controller,
+        ) -> NDArray[np.complex128]:
+            gain = blocks.response(omega)[index] @ controller.response(omega)
+            return np.asarray(gain[:, None])
+
+        at_once, delayed = _feedthrough(blocks, index)
+        through = _high_frequency_gain(controller)
+        direct = at_once @ through
+        if delayed.any():
+            # Theory in `solver.stability.neutral`: exact for one dead time, else a bound.
+            rest = np.linalg.solve(np.eye(block.size) + direct, delayed @ through)
+            if np.abs(np.linalg.eigvals(np.abs(rest))).max() >= 1:
+                return INFINITELY_MANY
+        light = _light(poles)
+        batch = Batch(
+            loop_gain,
+            np.unique(np.concatenate([bends, own])),
+            np.concatenate([resonances(plant), light]),
+            direct[None],
+        )
+        total += block.multiplicity * max(int(count_unstable(batch)[0]) + unstable, 0)
+    return total
+
+
+def _paired(
+    plant: Plant, uncertainty: Uncertainty, controller: FullController
+) -> tuple[LoopBlocks, tuple[StateSpace | MatrixPlant, ...]]:
+    if isinstance(controller, ModeController):
+        if not isinstance(plant, ParallelPlant):
+            message = "a mode controller is for a parallel plant"
+            raise InvalidInputError(message, "/controller")
+        both = (controller.total, controller.difference)
+        blocks = central_blocks(plant, uncertainty.structure)
+        return blocks, both[: len(blocks.blocks)]
+    size = controller.n if isinstance(controller, MatrixPlant) else controller.D.shape
+    if size not in (plant.n, (plant.n, plant.n)):
+        message = f"the controller must be {plant.n} x {plant.n}"
+        raise InvalidInputError(message, "/controller")
+    if isinstance(plant, ParallelPlant):
+        units = range(plant.n)
+        plant = MatrixPlant([[plant.element(row, column) for column in units] for row in units])
+    return central_blocks(plant, uncertainty.structure), (controller,)
+
+
+def _poles(controller: StateSpace | MatrixPlant) -> NDArray[np.complex128]:
+    if isinstance(controller, StateSpace):
+        return controller.poles
+    return np.concatenate([element.poles for element in controller.elements])
+
+
+def _feedthrough(blocks: LoopBlocks, index: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return what one block passes on at once, and after a dead time, (m, m) each."""
+
+    def part(element: TransferFunction, *, delayed: bool) -> float:
+        passes = not (element.relative_degree or element.is_zero)
+        return element.num[0] / element.den[0] * (passes and delayed == (element.dead_time > 0))
+
+    plant = blocks.plant
+    parts = []
+    for delayed in (False, True):
+        if isinstance(plant, ParallelPlant):
+            own = part(plant.process, delayed=delayed)
+            other = part(plant.interaction, delayed=delayed) if plant.n > 1 else 0.0
+            factor = plant.n - 1 if index == 0 else -1
+            parts.append(np.array([[own + factor * other]]))
+        else:
+            rows = [[part(e, delayed=delayed) for e in row] for row in plant.elements_by_row]
+            parts.append(np.array(rows))
+    return parts[0], parts[1]
+
+
+def _high_frequency_gain(controller: StateSpace | MatrixPlant) -> NDArray[np.float64]:
+    if isinstance(controller, StateSpace):
+        return controller.D
+    return np.array(
+        [
+            [0.0 if e.relative_degree or e.is_zero else e.num[0] / e.den[0] for e in row]
+            for row in controller.elements_by_row
+        ]
+    )
+
+
+def _light(poles: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Frequencies that resolve lightly damped poles of a controller."""
+    light = poles[(poles.imag > 0) & (np.abs(poles.real) < 0.5 * poles.imag)]
+    offsets = np.array([-10.0, -3.0, -1.0, 0.0, 1.0, 3.0, 10.0])
+    points = (light.imag[:, None] + np.abs(light.real)[:, None] * offsets).ravel()
+    return np.unique(points[points > 0])

@@ -1,0 +1,280 @@
+"""The limit: known answers, invariances, and controllers that are checked by other means."""
+
+from __future__ import annotations
+
+import functools
+
+import control
+import numpy as np
+import pytest
+from ctrlsys import ab13md
+
+from solver.limits.lower_bound import Limitation, lower_bound
+from solver.limits.multivariable import multivariable_limit
+from solver.limits.record import Limit, LimitStatus
+from solver.model.controllers import Controller
+from solver.model.errors import InvalidInputError, UnsupportedPlantError
+from solver.model.plants import MatrixPlant, ParallelPlant, Plant, first_order
+from solver.model.transfer_function import TransferFunction
+from solver.model.weights import Performance, Structure, Uncertainty
+from solver.robustness.analysis import analyse
+from solver.robustness.centralised import ModeController
+
+UNCERTAINTY = Uncertainty.from_error(0.2, 1.0)
+COLUMN = MatrixPlant(
+    [
+        [TransferFunction([0.878], [75, 1]), TransferFunction([-0.864], [75, 1])],
+        [TransferFunction([-1.082], [75, 1]), TransferFunction([1.096], [75, 1])],
+    ]
+)
+SEED = first_order(2, 1.0, 100.0, 0.949)
+
+
+@functools.cache
+def limit(plant: Plant, performance: Performance = Performance()) -> Limit:  # noqa: B008 - frozen
+    """The limit under the uncertainty of the literature."""
+    return multivariable_limit(plant, UNCERTAINTY, performance)
+
+
+def test_published_plant_can_be_held_in_a_quarter_of_the_time() -> None:
+    """SLH's parallel plant: single PI loops reach 18.4, the limit is below 5.4, and one is built.
+
+    A D-K iteration in a narrower basis stalls at 5.5.
+    """
+    found = limit(SEED)
+    assert found.status is LimitStatus.FOUND
+    assert found.value is not None
+    assert found.value < 4.6
+    assert found.realised is not None
+    assert found.value <= found.realised.tau_p < 5.4
+    peaks = found.realised.robustness.peaks
+    assert peaks is not None
+    assert 0.99 < peaks.robust_performance.value <= 1
+    assert found.lower_bound.value < found.value
+
+
+@pytest.mark.parametrize("tau_p", [4.0, 8.0])
+def test_mu_is_below_that_of_alternating_steps(tau_p: float) -> None:
+    """mu at a given tau_P lies below the 1.072 and 0.928 of D-K iteration in a small basis."""
+    found = limit(SEED, Performance(tau_p=tau_p))
+    assert found.objective == "mu"
+    assert found.value is not None
+    assert found.lower_bound.value < found.value < {4.0: 1.072, 8.0: 0.928}[tau_p]
+
+
+def test_without_interaction_all_plants_have_the_limit_of_one_loop() -> None:
+    """a = 0 gives the single loop's limit for any number of units."""
+    one, two, many = (limit(first_order(n, 1.0, 100.0, 0.0)).value for n in (1, 2, 1000))
+    assert one is not None
+    assert two == pytest.approx(one, rel=1e-3)
+    assert many == pytest.approx(one, rel=1e-3)
+
+
+def test_the_limit_scales_with_the_unit_of_time_and_of_the_signals() -> None:
+    """The same plant in seconds, its outputs in per mille."""
+    found = limit(first_order(2, 1.0, 10.0, 0.5, 1.0)).value
+    scaled = multivariable_limit(
+        first_order(2, 1000.0, 600.0, 0.5, 60.0), Uncertainty.from_error(0.2, 60.0), Performance()
+    ).value
+    assert found is not None
+    assert scaled == pytest.approx(60 * found, rel=1e-2)  # another path to the same basis
+
+
+def test_more_interaction_is_no_help() -> None:
+    """The limit grows with a, and a dead time adds to it."""
+    values = [limit(first_order(2, 1.0, 100.0, a)).value for a in (0.0, 0.5, 0.949)]
+    assert all(value is not None for value in values)
+    assert values == sorted(values)
+    slower = limit(first_order(2, 1.0, 100.0, 0.949, 1.0)).value
+    assert slower is not None
+    assert slower > values[-1] + 1.0
+
+
+def test_single_loops_are_no_faster() -> None:
+    """No PI setting in a wide grid passes the limit of a plant with dead time, one loop."""
+    plant = first_order(1, 1.0, 5.0, 0.0, 2.0)
+    found = limit(plant)
+    assert found.value is not None
+    performance = Performance(tau_p=found.value)
+    for gain in np.geomspace(0.05, 5, 8):
+        for integral_time in np.geomspace(1, 20, 8):
+            peaks = analyse(
+                plant, UNCERTAINTY, performance, [Controller(gain, integral_time)]
+            ).peaks
+            assert peaks is None or peaks.robust_performance.value > 1 - 1e-3
+
+
+@pytest.mark.parametrize(
+    "plant",
+    [
+        ParallelPlant(1, TransferFunction([-3, 1], [100, 1]), TransferFunction([0], [1])),
+        ParallelPlant(2, TransferFunction([1], [100, 1, 0]), TransferFunction([0.5], [100, 1, 0])),
+        first_order(3, 1.0, 100.0, -0.45),
+        first_order(2, 1.0, 1.0, 0.5, 3.0),
+    ],
+    ids=[
+        "right-half-plane zero",
+        "integrating",
+        "near the lower limit",
+        "mostly dead time",
+    ],
+)
+def test_every_kind_of_plant_gets_a_controller_that_meets_its_claim(plant: Plant) -> None:
+    """Value, lower bound and the built controller are in order; its own peak is at most 1."""
+    found = limit(plant)
+    assert found.value is not None
+    assert found.lower_bound.value <= found.value
+    assert found.realised is not None
+    assert found.realised.tau_p >= found.value * (1 - 1e-3)
+    assert found.realised.tau_p < 1.35 * found.value
+    assert found.realised.robustness.nominally_stable
+    peaks = found.realised.robustness.peaks
+    assert peaks is not None
+    assert peaks.robust_performance.value <= 1
+
+
+def test_built_controller_is_checked_by_poles_and_ab13md() -> None:
+    """The seed plant's controller: closed-loop poles by python-control, mu by SLICOT."""
+    realised = limit(SEED).realised
+    assert realised is not None
+    assert isinstance(realised.controller, ModeController)
+    K = realised.controller.full(2)
+    assert np.count_nonzero(np.abs(K.poles) < 1e-9) == 2  # integral action in both directions
+    gain = np.array([[1, 0.949], [0.949, 1]])
+    _check(K, gain, 100.0, realised.tau_p)
+
+
+@functools.cache
+def _column() -> Limit:
+    return multivariable_limit(COLUMN, UNCERTAINTY, Performance(tau_p=10.0))
+
+
+def test_column_is_held_below_one() -> None:
+    """The column of SLH, eq. 3: 1.06 was published; ours is built, and is no more than 1."""
+    found = _column()
+    assert found.value is not None
+    assert found.lower_bound.value < found.value < 1
+    assert found.realised is not None
+    K = found.realised.controller
+    peaks = found.realised.robustness.peaks
+    assert peaks is not None
+    assert peaks.robust_performance.value <= 1
+    gain = np.array([[0.878, -0.864], [-1.082, 1.096]])
+    mu = _check(K, gain, 75.0, 10.0)
+    assert mu == pytest.approx(peaks.robust_performance.value, rel=1e-3)
+
+
+def _check(found, gain, lag, tau_p) -> float:
+    """Peak of mu by AB13MD on a dense grid of a stable loop."""
+    K = control.ss(found.A, found.B, found.C, found.D)
+    G = control.ss(-np.eye(2) / lag, np.eye(2), gain / lag, np.zeros((2, 2)))
+    loop = G * K
+    assert control.feedback(loop, control.ss([], [], [], np.eye(2))).poles().real.max() < 0
+    sizes, kinds = np.array([1, 1, 2], dtype=np.int32), np.array([2, 2, 2], dtype=np.int32)
+    peak = 0.0
+    for omega in np.geomspace(1e-4, 1e3, 700):
+        s = 1j * omega
+        g, c = gain / (lag * s + 1), K(s)
+        S = np.linalg.inv(np.eye(2) + g @ c)
+        w_I = 0.2 * (5 * s + 1) / (0.5 * s + 1)
+        w_P = 0.5 * (tau_p * s + 1) / (tau_p * s)
+        N = np.block([[w_I * c @ S @ g, w_I * c @ S], [w_P * S @ g, w_P * S]])
+        peak = max(peak, ab13md(np.asfortranarray(N), sizes, kinds)[0])
+    assert peak <= 1 + 1e-6
+    return peak
+
+
+def test_lower_bound_names_what_limits() -> None:
+    """Dead time, a zero in the right half plane, uncertainty; the point proves it."""
+    dead = lower_bound(first_order(2, 1.0, 100.0, 0.9, 5.0), UNCERTAINTY, Performance())
+    assert dead.limitation is Limitation.DEAD_TIME
+    small = Uncertainty.from_error(0.01, 0.01)
+    one = ParallelPlant(1, TransferFunction([-3, 1], [100, 1]), TransferFunction([0], [1]))
+    zero = lower_bound(one, small, Performance())
+    assert zero.limitation is Limitation.ZERO
+    # 1 = |w_P(z)| = (1/2) (1 + 1/(tau_P z)) at z = 1/3: no less than 3.
+    assert zero.value > 3 * (1 - 1e-5)
+    free = lower_bound(SEED, UNCERTAINTY, Performance())
+    assert free.limitation is Limitation.UNCERTAINTY
+    assert free.point is not None
+    z = free.point
+    w_I = abs(0.2 * (5 * z + 1) / (0.5 * z + 1))
+    w_P = abs(0.5 * (1 + 1 / (free.value * z)))
+    assert min(w_I, w_P) == pytest.approx(1, abs=1e-5)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_no_analysed_controller_passes_the_lower_bound(seed: int) -> None:
+    """Random loops on random plants: their peak of mu is at or above the bound."""
+    rng = np.random.default_rng(seed)
+    gains = 0.5 * rng.normal(size=(2, 2)) + 2 * np.eye(2)
+    plant = MatrixPlant(
+        [
+            [
+                TransferFunction([gains[r, c]], [rng.uniform(1, 10), 1], rng.uniform(0, 2))
+                for c in range(2)
+            ]
+            for r in range(2)
+        ]
+    )
+    performance = Performance(tau_p=float(rng.uniform(3, 30)))
+    bound = lower_bound(plant, UNCERTAINTY, performance)
+    stable = 0
+    for _ in range(10):
+        loops = [Controller(rng.uniform(0.05, 0.3), rng.uniform(5, 20)) for _ in range(2)]
+        peaks = analyse(plant, UNCERTAINTY, performance, loops).peaks
+        if peaks is not None:
+            stable += 1
+            assert peaks.robust_performance.value >= bound.value
+    assert stable
+
+
+def test_what_has_no_limit_says_so() -> None:
+    """Uncertainty below 1 and no dead time: any tau_P can be had, and no number is given."""
+    found = multivariable_limit(
+        first_order(2, 1.0, 100.0, 0.5), Uncertainty.from_error(0.2, 0.0), Performance()
+    )
+    assert found.status is LimitStatus.UNLIMITED
+    assert found.value is None
+    assert found.reason is not None
+    assert found.lower_bound.value == 0
+
+
+def test_what_nothing_can_hold_is_infeasible() -> None:
+    """|w_I| > 1 at all frequencies: no controller with integral action is robustly stable."""
+    found = multivariable_limit(
+        first_order(2, 1.0, 100.0, 0.5), Uncertainty.from_error(1.5, 1.0), Performance()
+    )
+    assert found.status is LimitStatus.INFEASIBLE
+    assert found.value is None
+
+
+def test_plants_that_are_not_covered_are_refused() -> None:
+    """Singular, too large, or integrating in a way that no input explains."""
+    performance = Performance()
+    with pytest.raises(InvalidInputError, match="differences is singular"):
+        multivariable_limit(first_order(2, 1.0, 10.0, 1.0), UNCERTAINTY, performance)
+    lag = TransferFunction([1.0], [1.0, 1.0])
+    large = MatrixPlant([[lag] * 7] * 7)
+    with pytest.raises(InvalidInputError, match="up to 6 units"):
+        multivariable_limit(large, UNCERTAINTY, performance)
+    row = MatrixPlant(
+        [[TransferFunction([1.0], [1.0, 0.0]), TransferFunction([0.5], [1.0, 0.0])], [lag, lag]]
+    )
+    with pytest.raises((InvalidInputError, UnsupportedPlantError)):
+        multivariable_limit(row, UNCERTAINTY, performance)
+    with pytest.raises(UnsupportedPlantError):
+        multivariable_limit(
+            ParallelPlant(2, TransferFunction([1.0], [1.0, -1.0]), TransferFunction([0.0], [1.0])),
+            UNCERTAINTY,
+            performance,
+        )
+
+
+def test_full_block_uncertainty_is_no_easier() -> None:
+    """Actuators that may err in concert: for a parallel plant the same limit."""
+    plant = first_order(2, 1.0, 20.0, 0.5, 1.0)
+    full = multivariable_limit(
+        plant, Uncertainty.from_error(0.2, 1.0, Structure.FULL), Performance()
+    )
+    assert full.value == pytest.approx(limit(plant).value, rel=1e-9)
