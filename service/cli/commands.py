@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -20,6 +21,15 @@ from service.cli.arguments import (
 )
 
 __all__ = ["app", "main"]
+
+
+class Order(StrEnum):
+    """Order of the elements that are identified."""
+
+    AUTO = "auto"
+    FIRST = "first"
+    SECOND = "second"
+
 
 # Rich help costs 0.25 s of imports; plain help is as clear.
 app = typer.Typer(
@@ -180,8 +190,62 @@ def _add_analysis(module: str) -> None:
         raise typer.Exit(analyse_file(module, request, as_json=as_json))
 
 
+@app.command()
+def identify(
+    files: Annotated[
+        list[Path],
+        typer.Argument(metavar="DATA.csv...", help="Records; or one request, FILE.json."),
+    ],
+    *,
+    time: Annotated[
+        str, typer.Option(metavar="COLUMN", help="Column of the times, by head or number.")
+    ] = "1",
+    inputs: Annotated[
+        str, typer.Option(metavar="NAME,...", help="Columns of the inputs, in the loops' order.")
+    ] = "",
+    outputs: Annotated[
+        str, typer.Option(metavar="NAME,...", help="Columns of the outputs, in the same order.")
+    ] = "",
+    identical: Annotated[
+        bool, typer.Option("--identical", help="The units share their transfer functions.")
+    ] = False,
+    order: Annotated[Order, typer.Option(help="Of every element.")] = Order.AUTO,
+    drift: Annotated[
+        bool, typer.Option("--drift", help="The outputs drift; hides slow elements.")
+    ] = False,
+    validate: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="DATA.csv", help="A record to predict only; may be repeated."),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="REQUEST.json", help="Write a tuning request."),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Identify a plant from records.
+
+    Print the plant that they tell, standard errors, what they cannot tell, and the smallest
+    uncertainty weight above all errors.
+    """
+    if len(files) == 1 and (files[0].suffix == ".json" or str(files[0]) == "-"):
+        from service.cli.analysing import analyse_file  # noqa: PLC0415 - heavy
+
+        raise typer.Exit(analyse_file("identify", files[0], as_json=as_json))
+    from service.cli.identifying import Question, identify_files  # noqa: PLC0415 - heavy
+
+    question = Question(time, inputs, outputs, identical, order.value, drift)
+    raise typer.Exit(
+        identify_files(files, question, validate=validate or [], output=output, as_json=as_json)
+    )
+
+
+# Commands above take more than a request.
+_OWN_COMMAND = {"identify"}
+
 for _module in registry.names():
-    _add_analysis(_module)
+    if _module not in _OWN_COMMAND:
+        _add_analysis(_module)
 
 
 @app.command()

@@ -7,6 +7,7 @@ from solver.identification.errors import ErrorCurve
 from solver.identification.findings import Estimate, FittedElement
 from solver.identification.identify import Identification, Prediction, identify
 from solver.identification.problem import Start, Structure
+from solver.identification.reading import read_record
 from solver.identification.record import Record
 from solver.identification.selection import Allowed
 from solver.identification.uncertainty import Cover
@@ -28,4 +29,5 @@ __all__ = [
     "cover",
     "cover_by_error",
     "identify",
+    "read_record",
 ]

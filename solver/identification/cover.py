@@ -31,6 +31,7 @@ ROUNDS = 40
 TIGHT = 1e-3  # of t: a thousandth of the weight is no difference to any design
 # Corners of the weight ring no more than the grid can see: a damping ratio of 0.1.
 DAMPED = 0.98
+LOOSE = 25.0  # of the squared ratio
 # The weight is raised by so much that rounding cannot put it below an error.
 ABOVE = 1e-9
 
@@ -54,7 +55,7 @@ def cover(
     order : int
         0, 1 or 2.
     tight_below : float
-        Where the error is larger, the weight need only be above it: the ratio does not count.
+        Where the error is larger, the ratio may be `LOOSE` to the power of 1/2 times as large.
 
     Raises
     ------
@@ -141,8 +142,9 @@ def _coefficients(
     P = powers / size
     e = squared[:, None]
     above = np.hstack([-P / e, P])  # e^2 A - B <= 0
-    below = np.hstack([P / (ratio * e), -P])  # B - t e^2 A <= 0
-    rows = np.vstack([above, below[tight]])
+    most = np.where(tight, ratio, LOOSE * ratio)[:, None]
+    below = np.hstack([P / (most * e), -P])  # B - t e^2 A <= 0
+    rows = np.vstack([above, below])
     # A and B are positive on the grid as it stands; the first and last coefficient everywhere.
     middle = [(None, None)] * (order - 1)
     bounds = [(0.0, None), *middle, (0.0, None)] * 2

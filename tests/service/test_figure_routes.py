@@ -12,6 +12,7 @@ from fake_tune import SLOW
 from samples import ROBUSTNESS, altered, tuning
 
 from service.analyses.decouple import EXAMPLE as DECOUPLING
+from service.analyses.identify import EXAMPLE as IDENTIFICATION
 from service.analyses.interaction import EXAMPLE as INTERACTION
 from service.analyses.parallel_drives import EXAMPLE as DRIVES
 from service.analyses.relay import EXAMPLE as RELAY
@@ -80,6 +81,7 @@ def test_units_that_titles_cannot_hold_are_refused(
         ("relay-experiments", RELAY, ["relay"]),
         ("decouplings", DECOUPLING, ["decoupled"]),
         ("parallel-drives", DRIVES, ["drives"]),
+        ("identifications", IDENTIFICATION, ["record_1", "errors"]),
     ],
 )
 def test_the_answer_of_an_analysis_is_drawn_as_it_came(

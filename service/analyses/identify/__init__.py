@@ -1,0 +1,143 @@
+"""Identify a plant from records.
+
+Return the plant that records of inputs and outputs tell, standard errors, what the records cannot
+tell and which test would, and the smallest uncertainty weight above all errors.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from service.analyses.identify.models import (
+    EXAMPLE,
+    DrawnIdentification,
+    IdentificationRequest,
+    IdentificationResult,
+    IdentificationTask,
+)
+from service.analyses.identify.table import table
+from service.analysis import Analysis, Figures
+from service.schemas.encoding import encode
+from solver.model.errors import InvalidInputError
+from solver.model.plants import ParallelPlant, Plant
+from solver.model.transfer_function import TransferFunction
+
+__all__ = [
+    "ANALYSIS",
+    "EXAMPLE",
+    "IdentificationRequest",
+    "IdentificationResult",
+    "identified",
+]
+
+DRAWN_POINTS = 2000
+
+
+def compute(request: IdentificationRequest) -> dict[str, Any]:
+    """Return the plant that the request's records tell."""
+    places = [index for index, record in enumerate(request.records) if record.use == "fit"]
+    try:
+        return identified(request.build())
+    except InvalidInputError as error:
+        # The solver counts the records that it fits.
+        head, _, rest = error.field.removeprefix("/records/").partition("/")
+        if error.field.startswith("/records/") and head.isdigit() and int(head) < len(places):
+            field = f"/records/{places[int(head)]}/{rest}"
+            raise type(error)(error.message, field.rstrip("/")) from None
+        raise
+
+
+def identified(task: IdentificationTask) -> dict[str, Any]:
+    """Return the plant that records tell, as JSON."""
+    from solver.identification import Allowed, Structure, identify
+
+    found = identify(
+        task.used,
+        structure=Structure(task.structure),
+        allowed=Allowed(task.order, task.integrating),
+        validation=task.kept_back,
+        drift=task.drift,
+    )
+    cover = found.cover
+    predictions = []
+    for one in found.predictions:
+        step = -(-one.time.size // DRAWN_POINTS)
+        drawn = {
+            name: encode(getattr(one, name)[::step]) for name in ("time", "measured", "predicted")
+        }
+        predictions.append(
+            {
+                "record": one.record, "output": one.output, "kept_back": one.kept_back,
+                "normalised_fit": one.normalised_fit, "spikes": one.spikes, **drawn,
+            }
+        )  # fmt: skip
+    equality = found.equality
+    return {
+        "plant": _plant(found.plant),
+        "uncertainty": {
+            "weight": _function(cover.weight.weight),
+            "structure": cover.weight.structure.value,
+        },
+        "epsilon": cover.epsilon,
+        "theta": cover.theta,
+        "inputs": list(found.inputs),
+        "outputs": list(found.outputs),
+        "elements": [
+            {
+                "output": element.output,
+                "input": element.input,
+                "kind": element.element.kind.value,
+                "estimates": encode(element.estimates),
+                "untold": list(element.untold),
+                "test": element.test,
+            }
+            for element in found.elements
+        ],
+        "predictions": predictions,
+        "starts": [start.value for start in found.begins],
+        "equality": equality and {**encode(equality), "plausible": equality.plausible},
+        "omega": encode(cover.omega),
+        "errors": encode(cover.curves),
+        "weight_magnitude": encode(cover.weight.magnitude(cover.omega)),
+        "advice": list(found.advice),
+    }
+
+
+def _plant(plant: Plant) -> dict[str, Any]:
+    if isinstance(plant, ParallelPlant):
+        functions = {"process": plant.process, "interaction": plant.interaction}
+        return {
+            "kind": "parallel",
+            "n": plant.n,
+            **{name: _function(function) for name, function in functions.items()},
+        }
+    rows = [[_function(element) for element in row] for row in plant.elements_by_row]
+    return {"kind": "matrix", "elements": rows}
+
+
+def _function(function: TransferFunction) -> dict[str, Any]:
+    return {
+        "num": list(function.num), "den": list(function.den), "dead_time": function.dead_time
+    }  # fmt: skip
+
+
+def draw(result: DrawnIdentification, unit: str) -> dict[str, Any]:
+    """Return data and fit, and the errors below their weight."""
+    from service.figures.document import figures_to_json
+    from service.figures.identification import identification
+
+    return figures_to_json(identification(result, unit))
+
+
+ANALYSIS = Analysis(
+    name="identify",
+    resource="identifications",
+    text=__doc__,
+    outcome="The plant and its uncertainty.",
+    request=IdentificationRequest,
+    result=IdentificationResult,
+    compute=compute,
+    computes_with=("solver.identification",),
+    table=table,
+    figures=Figures(of="an identification", drawn=DrawnIdentification, draw=draw),
+)

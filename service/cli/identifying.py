@@ -1,0 +1,88 @@
+"""mutune identify: from files of records to a tuning request."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+from service.analyses.identify import ANALYSIS, identified
+from service.analyses.identify.models import IdentificationTask
+from service.cli.outcomes import ExitCode, reported, say
+from service.schemas.parsing import Fault, RequestError
+from solver.identification.reading import read_record
+from solver.identification.record import Record
+
+__all__ = ["Question", "identify_files"]
+
+
+@dataclass(frozen=True)
+class Question:
+    """What is asked of the files; the names of the columns are separated by commas."""
+
+    time: str
+    inputs: str
+    outputs: str
+    identical: bool
+    order: str
+    drift: bool
+
+
+@reported
+def identify_files(
+    files: list[Path],
+    question: Question,
+    *,
+    validate: list[Path],
+    output: Path | None,
+    as_json: bool,
+) -> ExitCode:
+    """Identify a plant from files, print what they tell, and write the tuning request.
+
+    Returns
+    -------
+    ExitCode
+        BAD_INPUT where the files are at fault; else DONE.
+
+    """
+    inputs = _names(question.inputs, "--inputs")
+    outputs = _names(question.outputs, "--outputs")
+
+    def records(paths: list[Path]) -> tuple[Record, ...]:
+        return tuple(
+            read_record(path, time=question.time, inputs=inputs, outputs=outputs) for path in paths
+        )
+
+    task = IdentificationTask(
+        used=records(files),
+        kept_back=records(validate),
+        structure="parallel" if question.identical else "matrix",
+        order={"auto": None, "first": 1, "second": 2}[question.order],
+        integrating=None,
+        drift=question.drift,
+    )
+    document = identified(task)
+    if output is not None:
+        request = {
+            "plant": document["plant"],
+            "uncertainty": document["uncertainty"],
+            "performance": {"max_peak": 2.0, "offset": 0.0},
+            "controller": {"kind": "PI", "arrangement": "independent"},
+            "objective": "tau_p",
+        }
+        output.write_text(json.dumps(request, indent=2, allow_nan=False) + "\n")
+        say(f"{output}: a tuning request")
+    if as_json:
+        print(json.dumps(document, allow_nan=False))  # noqa: T201 - the output asked for
+    else:
+        from service.cli.console import show  # noqa: PLC0415 - needed for people alone
+
+        show(ANALYSIS.table(ANALYSIS.result.model_validate(document)))
+    return ExitCode.DONE
+
+
+def _names(text: str, option: str) -> list[str]:
+    names = [name.strip() for name in text.split(",")]
+    if not all(names):
+        raise RequestError((Fault("", f"{option} {text!r}: a name is empty"),))
+    return names

@@ -1,0 +1,117 @@
+"""Identification over HTTP and from files, by the real solver."""
+
+import json
+from pathlib import Path
+
+import httpx
+import pytest
+from samples import altered
+from typer.testing import CliRunner
+
+from service.analyses.identify import EXAMPLE, IdentificationResult
+from service.cli import app
+from service.schemas import TuningRequest
+from service.schemas.parsing import parse
+
+PATH = "/v1/identifications"
+EXAMPLES = Path(__file__).parents[2] / "examples"
+HEATERS = (
+    "--time", "Time", "--inputs", "Heater 1,Heater 2", "--outputs", "Temperature 1,Temperature 2",
+)  # fmt: skip
+
+
+def mutune(*arguments):
+    """Run a command."""
+    return CliRunner().invoke(app, [str(a) for a in arguments], catch_exceptions=False)
+
+
+def test_plant_and_uncertainty_are_as_a_tuning_takes_them(client: httpx.Client) -> None:
+    """The valve's gain of 2, lag of 5 and dead time of 1, each in its interval."""
+    response = client.post(PATH, json=EXAMPLE)
+    assert response.status_code == 200
+    result = IdentificationResult.model_validate(response.json())
+    for one, truth in zip(result.elements[0].estimates, (2, 5, 1), strict=True):
+        assert one.low is not None
+        assert one.high is not None
+        assert one.low < truth < one.high
+    uncertainty = result.uncertainty.model_dump()
+    document = {"plant": result.plant, "uncertainty": uncertainty, "controller": {"kind": "PI"}}
+    assert parse(TuningRequest, json.dumps(document)).build().plant.n == 1
+
+
+@pytest.mark.parametrize(
+    ("pointer", "value", "blamed"),
+    [
+        ("/records", [], "/records"),
+        ("/records/0/time/3", 1.0, "/records/0/time/3"),
+        ("/records/0/inputs/valve/7", 1e13, "/records/0/inputs/valve/7"),
+        ("/records/0/inputs/valve/0", None, "/records/0/inputs/valve/0"),
+        ("/records/0/inputs/valve", [1.0] * 40, "/records/0/inputs/valve"),
+        ("/records/0/outputs/temperature", [1.0] * 39, "/records/0/outputs/temperature"),
+        ("/records/0/use", "validate", "/records/0/use"),
+        ("/structure", "diagonal", "/structure"),
+    ],
+)
+def test_fault_is_named_by_its_pointer(
+    client: httpx.Client, pointer: str, value: object, blamed: str
+) -> None:
+    """Bad input is a 422 problem that names the value."""
+    response = client.post(PATH, json=altered(EXAMPLE, pointer, value))
+    assert response.status_code == 422
+    assert [error["pointer"] for error in response.json()["errors"]] == [blamed]
+
+
+def test_faults_of_a_later_record_are_told_of_it(client: httpx.Client) -> None:
+    """Records kept for validation are counted as they stand in the request."""
+    good = EXAMPLE["records"][0]
+    still = altered(good, "/inputs/valve", [1.0] * 40)
+    body = {**EXAMPLE, "records": [{**good, "use": "validate"}, still]}
+    (error,) = client.post(PATH, json=body).json()["errors"]
+    assert error["pointer"] == "/records/1/inputs/valve"
+
+
+def test_files_become_a_tuning_request(tmp_path: Path) -> None:
+    """The file that is written can be sent as it stands; the other record is predicted."""
+    target = tmp_path / "request.json"
+    other = EXAMPLES / "two_heaters_random.csv"
+    done = mutune(
+        "identify", EXAMPLES / "two_heaters_steps.csv", *HEATERS, "--validate", other, "-o", target
+    )
+    assert done.exit_code == 0
+    words = " ".join(done.stdout.split())
+    assert "kept back" in words
+    assert "what is told is gain / time constant" in words
+    assert parse(TuningRequest, target.read_text()).build().plant.n == 2
+
+
+def test_identical_units_from_a_file() -> None:
+    """With --identical the plant has two transfer functions, and the test of equality is told."""
+    done = mutune("identify", EXAMPLES / "two_heaters_steps.csv", *HEATERS, "--identical", "--json")
+    result = IdentificationResult.model_validate_json(done.stdout)
+    assert result.plant["kind"] == "parallel"
+    assert result.equality is not None
+    assert not result.equality.plausible
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ((*HEATERS[:-1], "Temperature 3,Temperature 1"), "no column 'Temperature 3'"),
+        (HEATERS[:2], "--inputs '': a name is empty"),
+        (("--time", "Heater 1", *HEATERS[2:]), "is named twice"),
+    ],
+)
+def test_wrong_columns_are_bad_input(arguments: tuple[str, ...], words: str) -> None:
+    """Exit code 2, and what is there."""
+    done = mutune("identify", EXAMPLES / "two_heaters_steps.csv", *arguments)
+    assert done.exit_code == 2
+    assert words in done.stderr
+
+
+def test_request_file_is_taken_as_by_every_analysis(tmp_path: Path) -> None:
+    """The same request as over HTTP."""
+    path = tmp_path / "request.json"
+    path.write_text(json.dumps(EXAMPLE))
+    done = mutune("identify", path, "--json")
+    assert done.exit_code == 0
+    IdentificationResult.model_validate_json(done.stdout)

@@ -1,0 +1,115 @@
+"""Files as loggers write them."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from solver.identification import read_record
+from solver.model.errors import InvalidInputError
+
+EXAMPLES = Path(__file__).parents[3] / "examples"
+ROWS = [(k, float(k > 5), 20 + 0.25 * k) for k in range(30)]
+
+
+def written(tmp_path, text, encoding="utf-8"):
+    """Return a file with that text."""
+    path = tmp_path / "log.csv"
+    path.write_bytes(text.encode(encoding))
+    return path
+
+
+def text(delimiter=",", decimal=".", heads=("t", "u", "y"), form="{}"):
+    """Return a table as text."""
+    lines = [delimiter.join(heads)] if heads else []
+    for k, u, y in ROWS:
+        cells = (form.format(k), f"{u:.1f}", f"{y:.2f}")
+        lines.append(delimiter.join(cell.replace(".", decimal) for cell in cells))
+    return "\n".join(lines) + "\n"
+
+
+@pytest.mark.parametrize(
+    ("content", "encoding", "names"),
+    [
+        (text(), "utf-8", "tuy"),
+        (text(";", ","), "utf-8-sig", "tuy"),
+        (text("\t"), "utf-16", "tuy"),
+        (text("|"), "utf-8", "tuy"),
+        (text(heads=None), "utf-8", "123"),
+        (text(heads=("t (s)", "u [%]", "y (°C)")), "latin-1", "tuy"),
+        (text(heads=("T", "U", "Y")), "utf-8", "tuy"),
+        ("# a logger\n\n" + text(), "utf-8", "tuy"),
+        (text().replace("t,u,y\n", "t,u,y\ns,%,degC\n"), "utf-8", "tuy"),
+        (text().replace("\n", ",\r\n"), "utf-8", "tuy"),
+        (text(form="2026-03-01T12:00:{:02d}"), "utf-8", "tuy"),
+        (
+            text(";", form="01/03/2026 12:00:{:02d}").replace("01/03/2026", "2026/03/01"),
+            "utf-8",
+            "tuy",
+        ),
+        (text(form="2026-03-01 12:00:{:02d}+02:00"), "utf-8", "tuy"),
+    ],
+)
+def test_every_form_is_the_same_record(tmp_path, content, encoding, names):
+    """Delimiters, decimal signs, heads, units, encodings, time stamps."""
+    path = written(tmp_path, content, encoding)
+    t, u, y = names
+    record = read_record(path, time=t, inputs=[u], outputs=[y])
+    assert record.time - record.time[0] == pytest.approx(np.arange(30))
+    assert record.inputs[u] == pytest.approx([row[1] for row in ROWS])
+    assert record.outputs[y] == pytest.approx([row[2] for row in ROWS])
+    assert record.name == "log"
+
+
+def test_times_of_the_day_pass_midnight(tmp_path):
+    """Also those with a decimal part."""
+    lines = ["t,u,y"]
+    for k, u, y in ROWS:
+        second = (86390 + k) % 86400
+        stamp = f"{second // 3600:02d}:{second % 3600 // 60:02d}:{second % 60:02d}.500"
+        lines.append(f"{stamp},{u},{y}")
+    record = read_record(written(tmp_path, "\n".join(lines)), time="t", inputs=["u"], outputs=["y"])
+    assert record.time == pytest.approx(np.arange(30))
+
+
+def test_empty_cells_are_gaps(tmp_path):
+    """So is what loggers write instead."""
+    content = text().replace("7,1.0,21.75", "7,,n/a")
+    record = read_record(written(tmp_path, content), time="t", inputs=["u"], outputs=["y"])
+    assert record.inputs["u"][7] == 1.0
+    assert not record.observed[0][7]
+
+
+@pytest.mark.parametrize(
+    ("content", "columns", "words"),
+    [
+        (text().replace("7,1.0,21.75", "7,1.0,abc"), "tuy", "log.csv, line 9, column 'y': 'abc'"),
+        (text().replace("7,1.0,21.75", "7,1.0"), "tuy", "log.csv, line 9: 2 cells"),
+        (text().replace("7,1.0,21.75", "7,1.0,21.75,9"), "tuy", "log.csv, line 9: 4 cells"),
+        (text().replace("\n7,", "\nx,"), "tuy", "log.csv, line 9, column 't': 'x'"),
+        (text().replace("\n7,", "\n3,"), "tuy", "log.csv, line 9: time goes backwards"),
+        (text(), "tuz", "log.csv has no column 'z'; it has 't', 'u', 'y'"),
+        (text(heads=("t", "u", "u")), "tuy", "'u' names the columns 2, 3"),
+        (text(heads=("t", "u (a)", "u (b)")), "tuy", "'u' names the columns 2, 3"),
+        ("", "tuy", "log.csv is empty"),
+        (text(), "tuu", "'u' is named twice"),
+    ],
+)
+def test_errors_name_file_line_and_column(tmp_path, content, columns, words):
+    """And what is there instead."""
+    t, u, y = columns
+    with pytest.raises(InvalidInputError, match=re.escape(words)):
+        read_record(written(tmp_path, content), time=t, inputs=[u], outputs=[y])
+
+
+def test_examples_are_read():
+    """By heads without units."""
+    record = read_record(
+        EXAMPLES / "two_heaters_steps.csv",
+        time="Time",
+        inputs=["Heater 1", "Heater 2"],
+        outputs=["Temperature 1", "Temperature 2"],
+    )
+    assert record.time.size == 599
+    assert record.sampling_period == pytest.approx(1.0, abs=0.01)
