@@ -25,9 +25,12 @@ from solver.interaction.parallel_matrix import ParallelMatrix
 from solver.model.blocks import group_loops
 from solver.model.errors import InvalidInputError
 from solver.model.given import require_loops, require_weights
+from solver.model.peaks import Peak
 from solver.model.plants import ParallelPlant
-from solver.model.subsystems import interchangeable
+from solver.model.subsystems import interchangeable, subsystem
+from solver.robustness.axis import proven_peaks
 from solver.robustness.curves import LoopAnalysis
+from solver.robustness.record import Guarantee, GuaranteeStatus
 from solver.robustness.subset_peaks import peaks
 from solver.robustness.subsets import Subsets
 
@@ -35,7 +38,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from solver.model.controllers import Controller
-    from solver.model.peaks import Peak
     from solver.model.plants import Plant
     from solver.model.weights import Performance, Uncertainty
 
@@ -54,6 +56,7 @@ MAX_CLASSES = 1023  # all subsets of ten loops, or two groups of 31
 READABLE = 10**6  # counts above are given as shares
 TOLERANCE = 1e-6  # a tuning ends with its peak at one, to rounding
 MAX_IN_PASSING = 300  # kinds of sets times the square of the block's size: four different loops
+MAX_PROVEN = 15  # kinds of sets, of four different loops: half a second
 MAX_DETUNED = 800  # six loops at three factors are 728
 LEVELS = (5, 4, 3)  # equidistant gain factors, 0 and 1 among them: the most that are allowed
 
@@ -72,6 +75,8 @@ class ServiceClass:
         Whether the loops in service are stable.
     robust_stability, robust_performance : Peak or None
         Peaks of mu of the loops in service; None where they are unstable.
+    guarantee : Guarantee or None
+        What is proven of robust performance over all frequencies; None likewise.
 
     """
 
@@ -80,6 +85,7 @@ class ServiceClass:
     nominally_stable: bool
     robust_stability: Peak | None
     robust_performance: Peak | None
+    guarantee: Guarantee | None = None
 
 
 @dataclass(frozen=True)
@@ -197,24 +203,59 @@ def service_classes(
     controllers = tuple(loops[group[0]] for group in groups)
     sets = Subsets(plant, controllers, np.array(kinds, dtype=float))
     stable = sets.unstable_poles() == 0
-    analysed = Subsets(plant, controllers, sets.counts[stable])
-    # The grid of all loops together resolves every part of them; the peaks are refined.
-    omega = LoopAnalysis(
-        *group_loops(plant, loops, uncertainty.structure), uncertainty, performance
-    ).omega[::2]
-    robust_stability, robust_performance = map(
-        iter, peaks(analysed, uncertainty, performance, omega)
+    found = iter(
+        _proven(plant, uncertainty, performance, loops, itertools.compress(kinds, stable))
+        if np.count_nonzero(stable) <= MAX_PROVEN
+        else _sampled(
+            Subsets(plant, controllers, sets.counts[stable]), uncertainty, performance, loops
+        )
     )
     return tuple(
         ServiceClass(
             kind,
             math.prod(math.comb(len(group), k) for group, k in zip(groups, kind, strict=True)),
             good,
-            next(robust_stability) if good else None,
-            next(robust_performance) if good else None,
+            *(next(found) if good else (None, None, None)),
         )
         for kind, good in zip(kinds, stable.tolist(), strict=True)
     )
+
+
+_Found = tuple[Peak, Peak, Guarantee]
+
+
+def _proven(
+    plant: Plant,
+    uncertainty: Uncertainty,
+    performance: Performance,
+    loops: Sequence[Controller],
+    kinds: Iterable[tuple[int, ...]],
+) -> list[_Found]:
+    """Peaks of robust stability and performance of each kind of set, over all frequencies."""
+    groups = interchangeable(plant, loops)
+    found = []
+    for kind in kinds:
+        units = sorted(unit for group, k in zip(groups, kind, strict=True) for unit in group[:k])
+        part, remaining = subsystem(plant, loops, units)
+        axis = proven_peaks(part, uncertainty, performance, remaining)
+        found.append((axis.peaks.robust_stability, axis.peaks.robust_performance, axis.guarantee))
+    return found
+
+
+def _sampled(
+    sets: Subsets, uncertainty: Uncertainty, performance: Performance, loops: Sequence[Controller]
+) -> list[_Found]:
+    """Return the same for many kinds at once, on the grid of all loops together, refined."""
+    analysis = LoopAnalysis(
+        *group_loops(sets.plant, loops, uncertainty.structure), uncertainty, performance
+    )
+    reason = f"more than {MAX_PROVEN} kinds of sets: their peaks are sampled"
+    return [
+        (stability, robust, Guarantee(GuaranteeStatus.OPEN, robust.value, reason))
+        for stability, robust in zip(
+            *peaks(sets, uncertainty, performance, analysis.omega[::2]), strict=True
+        )
+    ]
 
 
 def in_one_line(
