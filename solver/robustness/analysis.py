@@ -16,7 +16,7 @@ from solver.model.given import require_loops, require_weights
 from solver.model.peaks import Peak
 from solver.model.remarks import plant_remarks
 from solver.model.validation import MAX_FREQUENCIES, flag, frequencies
-from solver.robustness.axis import proven_peaks
+from solver.robustness.axis import proven_count, proven_peaks
 from solver.robustness.bandwidth import bandwidths
 from solver.robustness.curves import LoopAnalysis
 from solver.robustness.gain_factor import stable_gain_factor
@@ -80,7 +80,12 @@ def analyse(
     certificate = flag(certificate, "/certificate")
     wanted = None if omega is None else frequencies(omega, most=MAX_FREQUENCIES)
     blocks, controllers = group_loops(plant, loops, uncertainty.structure)
+    analysis = LoopAnalysis(blocks, controllers, uncertainty, performance)
     poles = closed_loop_poles(plant, loops)
+    if poles.right_half_plane and not poles.at_origin:
+        # The count on a grid ends at so many points; the proof has no such end.
+        proven = proven_count(plant, loops, analysis)
+        poles = poles if proven is None else ClosedLoopPoles(proven, 0)
     if not poles.stable:
         return Robustness(
             nominally_stable=False,
@@ -92,7 +97,6 @@ def analyse(
             margins=loop_margins(plant, loops, stable=False),
             warnings=(_unstable(poles), *plant_remarks(plant)),
         )
-    analysis = LoopAnalysis(blocks, controllers, uncertainty, performance)
     axis = proven_peaks(plant, uncertainty, performance, loops)
     if axis.unstable:
         message = f"{axis.unstable} unstable closed-loop poles by proof, none by the count"

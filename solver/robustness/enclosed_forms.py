@@ -230,13 +230,13 @@ def _is_positive(S, size):
                 return False
             root[r] = math.sqrt(A[r, r].real)
         for r in range(size):
-            # F - A is Hermitian with entries below the radii: above -diag(sum_j e_rj s_j/s_r).
+            # F - A is Hermitian with entries below the radii: above -diag(sum_j e_rj s_r/s_j).
             lost = 0.0
             for c in range(size):
                 at = S.F + r * size + c if c <= r else S.F + c * size + r
-                lost += radius[at] * root[c]
+                lost += radius[at] / root[c]
             # Cholesky's own rounding: S. M. Rump, BIT 46 (2006), theorem 2.3.
-            own = A[r, r].real * (1.0 - (size + 2.0) * ROUNDING) - lost / root[r] * (1 + ROUNDING)
+            own = A[r, r].real * (1.0 - (size + 2.0) * ROUNDING) - lost * root[r] * (1 + ROUNDING)
             A[r, r] = complex(own, 0.0)
         for r in range(size):
             for c in range(r + 1):

@@ -88,6 +88,23 @@ def test_too_many_different_loops_leave_the_question_open() -> None:
     assert result.guarantee.reason == "more than 20 loops differ"
 
 
+def test_many_unstable_poles_are_counted_exactly() -> None:
+    """A high gain with dead time: as many as an independent winding count finds."""
+    drawn = draw(np.random.default_rng(58))
+    counted = unstable_count(drawn, 20_000)
+    result = analyse(drawn.plant, drawn.uncertainty, drawn.performance, drawn.loops)
+    assert result.unstable_poles == counted
+    assert counted is not None
+    assert counted > 60
+
+
+def test_a_flat_curve_towards_zero_is_proven_there() -> None:
+    """Where mu is highest at omega = 0 the proof reaches 0 too, units of the outputs far apart."""
+    drawn = draw(np.random.default_rng(324))
+    found = proven_peaks(drawn.plant, drawn.uncertainty, drawn.performance, drawn.loops)
+    assert found.proven == (True, True, True)
+
+
 @pytest.mark.parametrize("seed", range(100))
 def test_unusual_loops(seed: int) -> None:
     """No dense grid finds a higher peak, and an independent winding count the same stability."""

@@ -1,0 +1,131 @@
+"""Peaks proven over all frequencies: ``python bench/axis.py [LOOPS]``.
+
+First what a proof costs: seconds for the three peaks of mu with their brackets, for certain plants,
+medians of five runs in CPU seconds of one thread. Then random loops far from the usual (LOOPS of
+them, 2,000 unless given; the generator of the tests): how many of the stable ones are proven, how
+many have a higher value on a dense grid of 20,000 points with refinement than was reported, and
+how many have another stability than an independent winding count. The last two should be 0.
+Writes bench/axis.json too.
+"""
+
+import json
+import statistics
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from solver.model.controllers import Controller
+from solver.model.errors import UnsupportedPlantError
+from solver.model.plants import MatrixPlant, first_order
+from solver.model.transfer_function import TransferFunction
+from solver.model.weights import Performance, Uncertainty
+from solver.robustness.axis import proven_peaks
+from solver.robustness.record import GuaranteeStatus
+from solver.stability.closed_loop import is_stable
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from tests.solver.robustness.unusual_loops import dense_peak, draw, unstable_count
+
+HERE = Path(__file__).parent
+RUNS = 5
+USUAL = Uncertainty.from_error(0.2, 1)
+PUBLISHED = (Controller(46.3, 101), Controller(22.8, 3.15))
+WOOD_BERRY = MatrixPlant(
+    [
+        [TransferFunction([12.8], [16.7, 1], 1), TransferFunction([-18.9], [21, 1], 3)],
+        [TransferFunction([6.6], [10.9, 1], 7), TransferFunction([-19.4], [14.4, 1], 3)],
+    ]
+)
+NINE_DEAD_TIMES = MatrixPlant(
+    [
+        [
+            TransferFunction([1.0 if row == column else 0.3], [10 + 2 * column, 1], dead_time)
+            for column, dead_time in enumerate(times)
+        ]
+        for row, times in enumerate([(1.0, 2.0, 3.0), (1.3, 2.2, 3.1), (1.6, 2.4, 3.2)])
+    ]
+)
+PLANTS = {
+    "n = 2, no dead time (published)": (
+        first_order(2, 1, 100, 0.949), USUAL, Performance(tau_p=19), PUBLISHED,
+    ),
+    "n = 2, dead time": (first_order(2, 1, 100, 0.949, 1), USUAL, Performance(tau_p=30), PUBLISHED),
+    "Wood and Berry": (
+        WOOD_BERRY, Uncertainty.from_error(0.1, 0.5), Performance(tau_p=20),
+        (Controller(0.2, 4.44), Controller(-0.04, 2.67)),
+    ),
+    "3 x 3, nine dead times": (
+        NINE_DEAD_TIMES, Uncertainty.from_error(0.1, 0.5), Performance(tau_p=20),
+        (Controller(1.5, 10), Controller(1.2, 12), Controller(1, 14)),
+    ),
+}  # fmt: skip
+
+
+def prices():
+    """Return the rows of the first table."""
+    rows = []
+    for name, task in PLANTS.items():
+        found = proven_peaks(*task)
+        seconds = []
+        for _ in range(RUNS):
+            start = time.process_time()
+            proven_peaks(*task)
+            seconds.append(time.process_time() - start)
+        rows.append(
+            {
+                "plant": name,
+                "peak": found.peaks.robust_performance.value,
+                "guarantee": found.guarantee.status.value,
+                "seconds": statistics.median(seconds),
+            }
+        )
+    return rows
+
+
+def unusual(count):
+    """Return the counts of the second table."""
+    names = ("stable", "proven", "higher on a grid", "other stability", "stability not checked")
+    found = dict.fromkeys(names, 0)
+    for seed in range(count):
+        drawn = draw(np.random.default_rng(seed))
+        try:
+            stable = is_stable(drawn.plant, drawn.loops)
+        except UnsupportedPlantError:
+            continue
+        counted = unstable_count(drawn)
+        found["stability not checked"] += counted is None
+        found["other stability"] += counted is not None and stable != (counted == 0)
+        if not stable:
+            continue
+        found["stable"] += 1
+        axis = proven_peaks(drawn.plant, drawn.uncertainty, drawn.performance, drawn.loops)
+        found["proven"] += axis.guarantee.status is GuaranteeStatus.PROVEN
+        peak = axis.peaks.robust_performance.value
+        found["higher on a grid"] += dense_peak(drawn, peak) > peak * (1 + 1e-6)
+    return found
+
+
+def main():
+    """Print both tables and write them."""
+    console = Console()
+    rows = prices()
+    table = Table("plant", "peak of mu", "guarantee", "seconds")
+    for row in rows:
+        table.add_row(row["plant"], f"{row['peak']:.6f}", row["guarantee"], f"{row['seconds']:.3f}")
+    console.print(table)
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else 2_000
+    found = unusual(count)
+    table = Table("random loops", str(count))
+    for name, number in found.items():
+        table.add_row(name, str(number))
+    console.print(table)
+    document = {"prices": rows, "loops": count, "found": found}
+    (HERE / "axis.json").write_text(json.dumps(document, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()
