@@ -12,7 +12,7 @@ from service.printing import Part
 from service.schemas.drawn import Drawn
 from service.schemas.fields import AnalysisRequest
 
-__all__ = ["Analysis", "Figures"]
+__all__ = ["Analysis", "Figures", "compute"]
 
 _Request = TypeVar("_Request", bound=AnalysisRequest)
 _Result = TypeVar("_Result", bound=BaseModel)
@@ -100,3 +100,10 @@ class Analysis(Generic[_Request, _Result]):
     def path(self) -> str:
         """URL path."""
         return f"/v1/{self.resource}"
+
+
+def compute(
+    function: Callable[[AnalysisRequest], dict[str, Any]], request: AnalysisRequest
+) -> dict[str, Any]:
+    """Return what the `compute` of an analysis finds, with the identity of the request."""
+    return function(request) | request.identity()

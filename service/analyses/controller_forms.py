@@ -14,7 +14,7 @@ from service.analysis import Analysis
 from service.printing import Part, form_parts
 from service.schemas.controllers import IdealForm, Loop, ParallelForm
 from service.schemas.encoding import encode
-from service.schemas.fields import AnalysisRequest, below
+from service.schemas.fields import AnalysisRequest, IdentifiedResult, below
 from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError
 from solver.model.plants import MAX_UNITS
@@ -79,7 +79,7 @@ class ControllerForms(BaseModel):
     reason: str | None = Field(description="Why a form does not exist.", examples=[None])
 
 
-class ControllerFormsResult(BaseModel):
+class ControllerFormsResult(IdentifiedResult):
     """Controllers in their forms."""
 
     forms: list[ControllerForms] = Field(

@@ -15,7 +15,7 @@ from service.printing import Grid, Line, Part, matrix, warning_lines
 from service.schemas.controllers import ParallelForm
 from service.schemas.drawn import Complex, DrawnDecoupling
 from service.schemas.encoding import encode
-from service.schemas.fields import AnalysisRequest, Gain, RequestModel, below
+from service.schemas.fields import AnalysisRequest, Gain, IdentifiedResult, RequestModel, below
 from service.schemas.frequencies import Frequencies, ascending
 from service.schemas.peaks import Peak
 from service.schemas.plants import Plant
@@ -199,7 +199,7 @@ class ClosedLoop(BaseModel):
     )
 
 
-class DecouplingResult(BaseModel):
+class DecouplingResult(IdentifiedResult):
     """A static decoupler and its loops."""
 
     decoupler: Matrix = Field(

@@ -12,7 +12,7 @@ from pydantic import ConfigDict, Field, JsonValue
 from service.analysis import Analysis
 from service.printing import Grid, Line, Part
 from service.schemas.encoding import encode
-from service.schemas.fields import ResultModel
+from service.schemas.fields import IdentifiedResult, ResultModel
 from service.schemas.given_loops import EXAMPLE, GivenLoops, LoopsTask
 from service.schemas.integral_controllability import IntegralControllability
 from service.schemas.peaks import Peak
@@ -107,7 +107,7 @@ class Detuning(ResultModel):
     )
 
 
-class IntegrityResult(ResultModel):
+class IntegrityResult(IdentifiedResult, ResultModel):
     """What happens with loops out of service."""
 
     stable: bool = Field(

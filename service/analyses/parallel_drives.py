@@ -13,7 +13,14 @@ from service.analysis import Analysis, Figures
 from service.printing import Grid, Line, Part
 from service.schemas.drawn import Complex, DrawnParallelDrives
 from service.schemas.encoding import encode
-from service.schemas.fields import WHOLE, AnalysisRequest, PositiveTime, RequestModel, below
+from service.schemas.fields import (
+    WHOLE,
+    AnalysisRequest,
+    IdentifiedResult,
+    PositiveTime,
+    RequestModel,
+    below,
+)
 from service.schemas.plants import TransferFunction
 from service.wording import number
 from solver.interaction.drive_simulation import (
@@ -263,7 +270,7 @@ class DriveSimulationResult(BaseModel):
     )
 
 
-class ParallelDrivesResult(BaseModel):
+class ParallelDrivesResult(IdentifiedResult):
     """Free modes of parallel units, the remedy, and both in simulation."""
 
     analysis: DriveAnalysisResult = Field(description="What is hidden.", examples=[_ANALYSIS])

@@ -20,7 +20,7 @@ from service.analysis import Analysis, Figures
 from service.printing import ROUNDED, Grid, Line, Part, peaks_grid, proof_lines, warning_lines
 from service.schemas.drawn import DrawnRobustness
 from service.schemas.encoding import encode
-from service.schemas.fields import Frequency, ResultModel
+from service.schemas.fields import Frequency, IdentifiedResult, ResultModel
 from service.schemas.given_loops import EXAMPLE, GivenLoops
 from service.schemas.margins import Bandwidths, LoopMargins
 from service.schemas.peaks import PEAK_EXAMPLE, Curves, Guarantee, Peak, Peaks
@@ -116,6 +116,7 @@ class ModelTolerance(ResultModel):
 
 
 class RobustnessResult(ResultModel):
+class RobustnessResult(IdentifiedResult, ResultModel):
     """Robustness of given loops; peaks and curves are null where the loops are unstable."""
 
     nominally_stable: bool = Field(

@@ -22,6 +22,7 @@ from service.schemas.fields import (
     WHOLE,
     AnalysisRequest,
     Coefficient,
+    IdentifiedResult,
     PositiveTime,
     RequestModel,
     Time,
@@ -345,7 +346,7 @@ class UnitTraces(BaseModel):
     )
 
 
-class StepResponseResult(BaseModel):
+class StepResponseResult(IdentifiedResult):
     """Time responses, right up to the last time whatever ended them; samples are right-sided."""
 
     end: Literal["complete", "bound", "step_limit"] = Field(

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from service.problems import describe
-from service.schemas import Fault, RequestError, canonical, parse_tuning_request
+from service.schemas import Fault, RequestError, canonical, computation, parse_tuning_request
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -45,6 +45,8 @@ class Item:
         The same as the JSON text of a problem.
     fields : dict
         The request as JSON values.
+    identity : dict
+        What of it comes back with the result.
 
     """
 
@@ -55,6 +57,7 @@ class Item:
     faults: tuple[Fault, ...] = ()
     error: str | None = None
     fields: dict[str, Any] = field(default_factory=dict, compare=False, repr=False)
+    identity: dict[str, Any] = field(default_factory=dict, compare=False, repr=False)
 
 
 def read_items(content: bytes) -> list[Item]:
@@ -87,9 +90,14 @@ def _item(number: int, line: bytes) -> Item:
         problem = json.dumps(describe(error))
         fields = _fields(line)
         return Item(number, _digest(line), faults=error.faults, error=problem, fields=fields)
-    text = canonical(request)
+    text = computation(request)
     return Item(
-        number, _digest(text.encode()), text, request.search.time_limit, fields=json.loads(text)
+        number,
+        _digest(text.encode()),
+        text,
+        request.search.time_limit,
+        fields=json.loads(canonical(request)),
+        identity=request.identity(),
     )
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from service import registry
+from service.analysis import compute
 from service.cli.outcomes import ExitCode, read_input, reported
 from service.problems import NumbersError
 from service.schemas.parsing import Fault, RequestError, parse
@@ -37,7 +38,7 @@ def analyse_file(name: str, path: Path, *, as_json: bool) -> ExitCode:
     analysis = registry.load(name)
     request = parse(analysis.request, read_input(path))
     try:
-        document = analysis.compute(request)
+        document = compute(analysis.compute, request)
     except (ArithmeticError, np.linalg.LinAlgError):
         raise RequestError((Fault("", NumbersError().detail),)) from None
     if as_json:

@@ -166,9 +166,10 @@ def _run_items(
 
                 def settle(index: int, content: str) -> None:
                     entry = json.loads(f"{{{content}}}")
-                    if not curves and entry.get("result"):
-                        entry["result"]["curves"] = None
-                        content = f'"result": {json.dumps(entry["result"])}'
+                    found, identity = entry.get("result"), items[index].identity
+                    if found and (identity or not curves):
+                        found |= identity | ({} if curves else {"curves": None})
+                        content = f'"result": {json.dumps(found)}'
                     kept.add(index, content)
                     advance("error" in entry)
 

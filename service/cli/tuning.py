@@ -82,4 +82,5 @@ def _tune(request: TuningRequest) -> dict[str, object]:
                 best=number(progress.best),
             )
 
-        return tuning_to_json(solver.tuning.tune(request.build(), on_progress))
+        tuning = solver.tuning.tune(request.build(), on_progress)
+        return tuning_to_json(tuning) | request.identity()

@@ -99,8 +99,8 @@ class _Reporter:
 
 def _outcome(request: str, report: _Reporter) -> Outcome:
     try:
-        specification = service.schemas.parse_tuning_request(request).build()
-        tuning = solver.tuning.tune(specification, report)
+        asked = service.schemas.parse_tuning_request(request)
+        tuning = solver.tuning.tune(asked.build(), report)
     except Cancelled:
         return Outcome(JobStatus.CANCELLED)
     except InvalidInputError as error:
@@ -112,7 +112,7 @@ def _outcome(request: str, report: _Reporter) -> Outcome:
         logger.exception("a tuning failed")
         return Outcome(JobStatus.FAILED, error=json.dumps(describe(error)))
     # Pydantic's writer takes a tenth of the time of the standard library's.
-    result = to_json(service.schemas.tuning_to_json(tuning)).decode()
+    result = to_json(service.schemas.tuning_to_json(tuning) | asked.identity()).decode()
     timed_out = tuning.status is Status.TIME_LIMIT
     status = JobStatus.TIMED_OUT if timed_out else JobStatus.SUCCEEDED
     return Outcome(status, result, best=_reached(tuning))

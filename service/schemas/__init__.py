@@ -4,6 +4,7 @@ from service.schemas.parsing import (
     Fault,
     RequestError,
     canonical,
+    computation,
     parse,
     parse_tuning_request,
 )
@@ -15,6 +16,7 @@ __all__ = [
     "TuningRequest",
     "TuningResult",
     "canonical",
+    "computation",
     "parse",
     "parse_tuning_request",
     "tuning_to_json",

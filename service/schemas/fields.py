@@ -10,9 +10,9 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Annotated
+from typing import Annotated, Any
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, JsonValue
 
 from solver.model.errors import InvalidInputError
 from solver.model.transfer_function import LARGEST, MAX_ORDER
@@ -24,11 +24,15 @@ __all__ = [
     "Coefficients",
     "Frequency",
     "Gain",
+    "IdentifiedResult",
+    "Instrument",
     "PositiveTime",
     "Ratio",
+    "RecordedRequest",
     "RequestModel",
     "ResultModel",
     "Time",
+    "TimeUnit",
     "below",
 ]
 
@@ -39,7 +43,91 @@ class RequestModel(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
 
-class AnalysisRequest(RequestModel, ABC):
+_RECORD: dict[str, JsonValue] = {
+    "x-record": True
+}  # what describes the request and takes no part in computing
+
+_Name = Annotated[str, Field(max_length=100)]
+TimeUnit = Annotated[str, Field(min_length=1, max_length=20, pattern=r"^[^<>&\x00-\x1f]+$")]
+
+
+class Instrument(RequestModel):
+    """The signals of a loop as the plant knows them."""
+
+    tag: _Name | None = Field(default=None, description="Name of the loop.", examples=["TIC-101"])
+    output_unit: _Name | None = Field(
+        default=None, description="Unit of the measured output.", examples=["degC"]
+    )
+    output_span: Annotated[float, Field(gt=0, le=LARGEST)] | None = Field(
+        default=None,
+        description="Range of the transmitter in that unit.",
+        examples=[100.0],
+        json_schema_extra={"x-unit": "output"},
+    )
+    input_unit: _Name | None = Field(
+        default=None, description="Unit of the controller's output.", examples=["%"]
+    )
+    input_span: Annotated[float, Field(gt=0, le=LARGEST)] | None = Field(
+        default=None,
+        description="Range of the controller's output in that unit.",
+        examples=[100.0],
+        json_schema_extra={"x-unit": "input"},
+    )
+
+
+class RecordedRequest(RequestModel):
+    """Base of requests: what says which plant, which units and whose request it is."""
+
+    title: Annotated[str, Field(max_length=200)] | None = Field(
+        default=None,
+        description="What people call it.",
+        examples=["Reactor train A"],
+        json_schema_extra=_RECORD,
+    )
+    time_unit: TimeUnit | None = Field(
+        default=None,
+        description="Name of the unit of all times.",
+        examples=["min"],
+        json_schema_extra=_RECORD,
+    )
+    id: _Name | None = Field(
+        default=None,
+        description="Identifier of the caller's choice; comes back with the result.",
+        examples=["R-7"],
+        json_schema_extra=_RECORD,
+    )
+    labels: Annotated[dict[_Name, _Name], Field(max_length=20)] = Field(
+        default_factory=dict,
+        description="Labels of the caller's choice; come back with the result, and are columns of "
+        "tables.",
+        examples=[{"site": "north"}],
+        json_schema_extra=_RECORD,
+    )
+    instruments: Annotated[tuple[Instrument, ...], Field(min_length=1)] | None = Field(
+        default=None,
+        description="Tag, units and spans of each loop, or one entry for all.",
+        examples=[[{"tag": "TIC-101", "output_unit": "degC", "output_span": 100.0}]],
+        json_schema_extra=_RECORD,
+    )
+
+    def identity(self) -> dict[str, Any]:
+        """Return what comes back with the result."""
+        given = {"id": self.id, "labels": self.labels}
+        return {name: value for name, value in given.items() if value}
+
+
+class IdentifiedResult(BaseModel):
+    """Base of results: the identity that the request gave them."""
+
+    id: str | None = Field(
+        default=None, description="The request's identifier.", examples=["R-7", None]
+    )
+    labels: dict[str, str] = Field(
+        default_factory=dict, description="The request's labels.", examples=[{"site": "north"}]
+    )
+
+
+class AnalysisRequest(RecordedRequest, ABC):
     """Base of the requests of analyses."""
 
     @abstractmethod

@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
+from service.schemas.fields import RecordedRequest
 from service.schemas.tunings import TuningRequest
 
 if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
 
-__all__ = ["Fault", "RequestError", "canonical", "parse", "parse_tuning_request"]
+__all__ = ["Fault", "RequestError", "canonical", "computation", "parse", "parse_tuning_request"]
 
 _Model = TypeVar("_Model", bound=BaseModel)
 
@@ -70,7 +71,7 @@ def parse(model: type[_Model], text: bytes | str) -> _Model:
 
     """
     try:
-        return model.model_validate_json(text)
+        parsed = model.model_validate_json(text)
     except ValidationError as error:
         details = error.errors(include_url=False, include_input=False)
         faults = _once(
@@ -82,6 +83,8 @@ def parse(model: type[_Model], text: bytes | str) -> _Model:
         raise RequestError(
             faults, is_json=all(item["type"] != "json_invalid" for item in details)
         ) from None
+    _refuse_repetition(text)
+    return parsed
 
 
 def parse_tuning_request(text: bytes | str) -> TuningRequest:
@@ -174,6 +177,26 @@ def _forms(place: dict[str, Any], schema: dict[str, Any]) -> list[dict[str, Any]
         return _forms(schema["$defs"][place["$ref"].rsplit("/", 1)[-1]], schema)
     choices = [*place.get("anyOf", ()), *place.get("oneOf", ()), *place.get("allOf", ())]
     return [place, *(form for choice in choices for form in _forms(choice, schema))]
+
+
+def computation(request: RecordedRequest) -> str:
+    """Return what of the request has a say in the result, as JSON: equal texts, equal numbers."""
+    document = request.model_dump(mode="json", exclude={"title", "time_unit", "id", "labels"})
+    return json.dumps(document, sort_keys=True, separators=(",", ":"))
+
+
+def _refuse_repetition(text: bytes | str) -> None:
+    """Refuse objects that name a member twice: readers do not agree which of them counts."""
+
+    def members(pairs: list[tuple[str, object]]) -> dict[str, object]:
+        found = dict(pairs)
+        if len(found) < len(pairs):
+            names = [name for name, _ in pairs]
+            name = next(name for name in names if names.count(name) > 1)
+            raise RequestError((Fault("", f'the member "{name}" is there twice'),))
+        return found
+
+    json.loads(text, object_pairs_hook=members)
 
 
 def _pointer(location: Sequence[int | str], kind: str) -> str:

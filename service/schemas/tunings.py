@@ -9,7 +9,14 @@ from pydantic import ConfigDict, Field, JsonValue
 
 from service.schemas.controllers import ControllerChoice, Loop
 from service.schemas.encoding import encode
-from service.schemas.fields import WHOLE, RequestModel, ResultModel, below
+from service.schemas.fields import (
+    WHOLE,
+    IdentifiedResult,
+    RecordedRequest,
+    RequestModel,
+    ResultModel,
+    below,
+)
 from service.schemas.peaks import Curves, Guarantee, Peaks
 from service.schemas.plants import Plant
 from service.schemas.weights import Performance, Uncertainty
@@ -85,7 +92,7 @@ class Search(RequestModel):
     )
 
 
-class TuningRequest(RequestModel):
+class TuningRequest(RecordedRequest):
     """Ask for the loop settings that are as fast as the uncertainty permits."""
 
     plant: Plant = Field(description="The process to be controlled.", examples=[EXAMPLE["plant"]])
@@ -239,7 +246,7 @@ class Optimality(ResultModel):
     )
 
 
-class TuningResult(ResultModel):
+class TuningResult(IdentifiedResult, ResultModel):
     """Outcome of a tuning; null stands for a value that does not exist or is not finite."""
 
     status: Literal["optimal", "local", "infeasible", "time_limit"] = Field(

@@ -17,7 +17,8 @@ const RELEVANT = {
 /** @type {Builder} */
 export function object(form, s, value, pointer) {
   const name = key(pointer);
-  const parts = Object.entries(s.properties ?? {}).map(([property, part]) => {
+  const asked = Object.entries(s.properties ?? {}).filter(([, part]) => !part["x-record"]);
+  const parts = asked.map(([property, part]) => {
     const below = `${pointer}/${property}`;
     const given = value && property in value ? value[property] : initial(part, false);
     const widget = form.build(part, given, below);

@@ -12,7 +12,14 @@ from pydantic import BaseModel, ConfigDict, Field, JsonValue
 import solver.model.plants
 from service.schemas.controllers import Loop
 from service.schemas.drawn import Complex
-from service.schemas.fields import WHOLE, AnalysisRequest, Gain, RequestModel, below
+from service.schemas.fields import (
+    WHOLE,
+    AnalysisRequest,
+    Gain,
+    IdentifiedResult,
+    RequestModel,
+    below,
+)
 from service.schemas.frequencies import Frequencies, ascending
 from service.schemas.integral_controllability import IntegralControllability
 from service.schemas.plants import Plant
@@ -358,7 +365,7 @@ class LoopEffectResult(BaseModel):
     )
 
 
-class InteractionResult(BaseModel):
+class InteractionResult(IdentifiedResult):
     """Interaction between the loops of a plant; loop k connects output k to input k."""
 
     n: int = Field(description="Number of loops.", examples=[2])

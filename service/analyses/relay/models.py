@@ -9,7 +9,15 @@ from pydantic import BaseModel, ConfigDict, Field, JsonValue
 import solver.relay
 from service.schemas.controllers import Loop
 from service.schemas.drawn import Complex
-from service.schemas.fields import WHOLE, AnalysisRequest, Gain, PositiveTime, RequestModel, below
+from service.schemas.fields import (
+    WHOLE,
+    AnalysisRequest,
+    Gain,
+    IdentifiedResult,
+    PositiveTime,
+    RequestModel,
+    below,
+)
 from service.schemas.loops_in_time import SimulatedLoop, TimeStep, Unit
 from service.schemas.plants import Plant
 from solver.model.plants import MAX_UNITS
@@ -293,7 +301,7 @@ class RelayTheory(BaseModel):
     )
 
 
-class RelayExperimentResult(BaseModel):
+class RelayExperimentResult(IdentifiedResult):
     """Outcome of a relay experiment."""
 
     behaviour: Literal[

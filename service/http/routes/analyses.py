@@ -8,7 +8,7 @@ from typing import Any
 from fastapi import APIRouter, Request, Response
 
 from service import registry
-from service.analysis import Analysis, Figures
+from service.analysis import Analysis, Figures, compute
 from service.http import bodies
 from service.http.routes.common import (
     BODY_PROBLEMS,
@@ -32,9 +32,11 @@ def _add(analysis: Analysis[Any, Any]) -> None:
     async def post(request: Request) -> Response:
         body = await bodies.read(request, analysis.request)
         if analysis.immediate:
-            return json_response(await asyncio.to_thread(to_json, analysis.compute, (body,), {}))
+            return json_response(
+                await asyncio.to_thread(to_json, compute, (analysis.compute, body), {})
+            )
         body.build()  # bad input is refused here, not in the process that computes
-        return json_response(await request.app.state.pool.run(analysis.compute, body))
+        return json_response(await request.app.state.pool.run(compute, analysis.compute, body))
 
     router.add_api_route(
         analysis.path,
