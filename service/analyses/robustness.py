@@ -115,7 +115,6 @@ class ModelTolerance(ResultModel):
     )
 
 
-class RobustnessResult(ResultModel):
 class RobustnessResult(IdentifiedResult, ResultModel):
     """Robustness of given loops; peaks and curves are null where the loops are unstable."""
 
