@@ -18,9 +18,8 @@ from service.analyses.identify.models import (
 from service.analyses.identify.table import table
 from service.analysis import Analysis, Figures
 from service.schemas.encoding import encode
+from service.schemas.transfer_functions import function_document, plant_document
 from solver.model.errors import InvalidInputError
-from solver.model.plants import ParallelPlant, Plant
-from solver.model.transfer_function import TransferFunction
 
 __all__ = [
     "ANALYSIS",
@@ -73,9 +72,9 @@ def identified(task: IdentificationTask) -> dict[str, Any]:
         )  # fmt: skip
     equality = found.equality
     return {
-        "plant": _plant(found.plant),
+        "plant": plant_document(found.plant),
         "uncertainty": {
-            "weight": _function(cover.weight.weight),
+            "weight": function_document(cover.weight.weight),
             "structure": cover.weight.structure.value,
         },
         "epsilon": cover.epsilon,
@@ -101,24 +100,6 @@ def identified(task: IdentificationTask) -> dict[str, Any]:
         "weight_magnitude": encode(cover.weight.magnitude(cover.omega)),
         "advice": list(found.advice),
     }
-
-
-def _plant(plant: Plant) -> dict[str, Any]:
-    if isinstance(plant, ParallelPlant):
-        functions = {"process": plant.process, "interaction": plant.interaction}
-        return {
-            "kind": "parallel",
-            "n": plant.n,
-            **{name: _function(function) for name, function in functions.items()},
-        }
-    rows = [[_function(element) for element in row] for row in plant.elements_by_row]
-    return {"kind": "matrix", "elements": rows}
-
-
-def _function(function: TransferFunction) -> dict[str, Any]:
-    return {
-        "num": list(function.num), "den": list(function.den), "dead_time": function.dead_time
-    }  # fmt: skip
 
 
 def draw(result: DrawnIdentification, unit: str) -> dict[str, Any]:
