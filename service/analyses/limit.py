@@ -1,0 +1,288 @@
+"""Find what any controller could do.
+
+Return the least tau_p (or mu) of all linear multivariable controllers, one of limited order that
+can be built, a bound that none can pass, and single loops tuned for the same demand beside them.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from pydantic import ConfigDict, Field, JsonValue
+
+from service.analysis import Analysis, Figures
+from service.printing import Grid, Line, Part, peaks_grid, warning_lines
+from service.schemas.complex import Complex
+from service.schemas.controllers import Loop
+from service.schemas.drawn import Drawn, DrawnCurves
+from service.schemas.encoding import encode
+from service.schemas.fields import AnalysisRequest, ResultModel
+from service.schemas.peaks import PEAK_EXAMPLE, Curves, Guarantee, Peaks
+from service.schemas.tunings import TuningRequest
+from service.wording import number
+
+__all__ = ["ANALYSIS", "LimitRequest", "LimitResult"]
+
+EXAMPLE: dict[str, JsonValue] = {
+    "plant": {
+        "kind": "first_order",
+        "n": 2,
+        "gain": 1.0,
+        "time_constant": 10.0,
+        "interaction": 0.5,
+    },
+    "uncertainty": {"epsilon": 0.2, "theta": 1.0},
+    "controller": {"kind": "PI", "arrangement": "identical"},
+    "objective": "tau_p",
+    "search": {"time_limit": 10.0},
+}
+_PEAKS = dict.fromkeys(
+    ("robust_performance", "robust_stability", "nominal_performance"), PEAK_EXAMPLE
+)
+
+
+class LimitRequest(TuningRequest, AnalysisRequest):
+    """Ask what any controller could do; a tuning request, whose loops are tuned beside it."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [EXAMPLE]})
+
+
+class StateSpace(ResultModel):
+    """A linear system x' = A x + B u, y = C x + D u."""
+
+    A: list[list[float]] = Field(description="States by states.", examples=[[[0.0]]])
+    B: list[list[float]] = Field(description="States by inputs.", examples=[[[1.0]]])
+    C: list[list[float]] = Field(description="Outputs by states.", examples=[[[0.5]]])
+    D: list[list[float]] = Field(description="Outputs by inputs.", examples=[[[2.0]]])
+
+
+class Multivariable(ResultModel):
+    """A controller that can be built, u = C e, with integral action."""
+
+    tau_p: float = Field(description="Time constant that it reaches.", examples=[4.83])
+    states: int = Field(description="States, each mode counted once.", examples=[36])
+    matrix: StateSpace | None = Field(
+        description="The controller of a matrix plant; null for a parallel one.", examples=[None]
+    )
+    total: StateSpace | None = Field(
+        description="Parallel plant: what acts on the mean of all units' errors.", examples=[None]
+    )
+    difference: StateSpace | None = Field(
+        description="Parallel plant: what acts on the rest of each unit's error; without effect "
+        "for one unit.",
+        examples=[None],
+    )
+    peaks: Peaks = Field(description="Peaks of its three mu curves.", examples=[_PEAKS])
+    curves: Curves = Field(
+        description="Upper bounds of mu over frequency.",
+        examples=[
+            {
+                "omega": [0.03],
+                "robust_performance": [1.0],
+                "robust_stability": [0.4],
+                "nominal_performance": [0.9],
+            }
+        ],
+    )
+    guarantee: Guarantee = Field(
+        description="What is known of mu over all frequencies.",
+        examples=[{"status": "open", "level": 1.0, "reason": "a dense grid"}],
+    )
+
+
+class LowerBound(ResultModel):
+    """What no linear controller can pass."""
+
+    value: float | None = Field(
+        description="Of tau_p or mu; 0: nothing is known; null: nothing meets the demand.",
+        examples=[0.62],
+    )
+    point: Complex | None = Field(
+        description="Point of the right half plane that proves it.",
+        examples=[{"re": 1.6, "im": 0.0}],
+    )
+    limitation: Literal["uncertainty", "dead_time", "right_half_plane_zero", "none"] = Field(
+        description="What acts there.", examples=["uncertainty"]
+    )
+
+
+class Decentralised(ResultModel):
+    """Single loops tuned for the same demand."""
+
+    status: str = Field(description="Status of the tuning.", examples=["optimal"])
+    value: float | None = Field(description="Their tau_p or mu.", examples=[18.4])
+    loops: list[Loop] = Field(description="Settings, one entry a unit.", examples=[[]])
+
+
+class LimitResult(ResultModel):
+    """What any controller could do, beside what single loops do."""
+
+    status: Literal["found", "infeasible", "unlimited"] = Field(
+        description="found; infeasible: no controller was found that meets the demand; unlimited: "
+        "nothing in the model ends the bandwidth.",
+        examples=["found"],
+    )
+    objective: Literal["tau_p", "mu"] = Field(description="What value is.", examples=["tau_p"])
+    value: float | None = Field(
+        description="Least tau_p or mu found over all controllers of any order: a local optimum.",
+        examples=[4.25],
+    )
+    reason: str | None = Field(description="Why there is no value.", examples=[None])
+    multivariable: Multivariable | None = Field(
+        description="A controller of limited order near it; null where none was found.",
+        examples=[None],
+    )
+    lower_bound: LowerBound = Field(
+        description="What no linear controller can pass.",
+        examples=[{"value": 0.62, "point": {"re": 1.6, "im": 0.0}, "limitation": "uncertainty"}],
+    )
+    decentralised: Decentralised = Field(
+        description="Single loops of the request's kind, tuned for the same demand.",
+        examples=[{"status": "optimal", "value": 18.4, "loops": []}],
+    )
+    verdict: str = Field(
+        description="All of it in a sentence.", examples=["Single PI loops reach tau_p = 18.4."]
+    )
+    peaks: Peaks | None = Field(
+        description="Peaks of the multivariable controller, as in it; null without one.",
+        examples=[None],
+    )
+    curves: Curves | None = Field(
+        description="Curves of the multivariable controller, as in it; null without one.",
+        examples=[None],
+    )
+    warnings: list[str] = Field(description="What to look at twice.", examples=[[]])
+
+
+class DrawnLimit(Drawn):
+    """Curves and peaks of the multivariable controller; null without one."""
+
+    peaks: Peaks | None = Field(description="Peaks of the three mu curves.", examples=[None])
+    curves: DrawnCurves | None = Field(description="Upper bounds of mu.", examples=[None])
+
+
+def compute(request: LimitRequest) -> dict[str, Any]:
+    """Return the limit and the tuned loops."""
+    from solver.limits.multivariable import multivariable_limit
+    from solver.model.state_space import StateSpace as System
+    from solver.tuning import tune
+
+    specification = request.build()
+    limit = multivariable_limit(
+        specification.plant, specification.uncertainty, specification.performance
+    )
+    tuning = tune(specification)
+    peak = None if tuning.peaks is None else tuning.peaks.robust_performance.value
+    loops_value = tuning.tau_p if limit.objective == "tau_p" else peak
+    built = None
+    if limit.realised is not None:
+        controller = limit.realised.controller
+        whole = isinstance(controller, System)
+        robustness = limit.realised.robustness
+        built = {
+            "tau_p": limit.realised.tau_p,
+            "states": limit.realised.states,
+            "matrix": encode(controller) if whole else None,
+            "total": None if isinstance(controller, System) else encode(controller.total),
+            "difference": None if isinstance(controller, System) else encode(controller.difference),
+            "peaks": encode(robustness.peaks),
+            "curves": encode(robustness.curves),
+            "guarantee": encode(robustness.guarantee),
+        }
+    document: dict[str, Any] = {
+        "status": limit.status.value,
+        "objective": limit.objective,
+        "value": encode(limit.value),
+        "reason": limit.reason,
+        "multivariable": built,
+        "lower_bound": encode(limit.lower_bound),
+        "decentralised": {
+            "status": tuning.status.value,
+            "value": encode(loops_value),
+            "loops": encode(tuning.loops),
+        },
+        "peaks": None if built is None else built["peaks"],
+        "curves": None if built is None else built["curves"],
+        "warnings": list(limit.warnings),
+    }
+    return {**document, "verdict": _verdict(document, request.controller.kind)}
+
+
+def _verdict(document: dict[str, Any], kind: str) -> str:
+    """Return the comparison in a sentence, from the numbers that are printed beside it."""
+    name, loops = document["objective"], document["decentralised"]["value"]
+    if loops is not None:
+        single = f"Single {kind} loops reach {name} = {number(loops)}"
+    elif document["decentralised"]["status"] == "time_limit":
+        single = f"The time limit ended the search for single {kind} loops"
+    else:
+        single = f"No single {kind} loops were found that meet the demand"
+    if document["value"] is None:
+        return f"{single}; {document['reason']}."
+    found = number(document["value"])
+    parts = [single, f"the best multivariable controller found reaches {found}"]
+    built = document["multivariable"]
+    value = None
+    if built is not None:
+        value = built["tau_p" if name == "tau_p" else "peaks"]
+        if name == "mu":
+            value = value["robust_performance"]["value"]
+        parts.append(f"one that can be built {number(value)}")
+    if document["lower_bound"]["value"]:
+        parts.append(f"nothing linear can go below {number(document['lower_bound']['value'])}")
+    sentence = "; ".join(parts)
+    if loops is None or value is None:
+        return f"{sentence}."
+    if name == "mu":
+        return f"{sentence}: a multivariable controller has {value / loops:.0%} of their peak."
+    return f"{sentence}: a multivariable controller would be {loops / value:.1f} times as fast."
+
+
+def table(result: LimitResult) -> list[Part]:
+    """Return the verdict, the table and the peaks."""
+    parts: list[Part] = [Line(result.verdict, "strong")]
+    built = result.multivariable
+    peak = None if built is None else built.peaks.robust_performance.value
+    rows = [
+        ("single loops", _text(result.decentralised.value), ""),
+        (
+            "multivariable, built",
+            _text(None if built is None else built.tau_p if result.objective == "tau_p" else peak),
+            "" if built is None else str(built.states),
+        ),
+        ("multivariable, limit found", _text(result.value), ""),
+        ("no controller below", _text(result.lower_bound.value), ""),
+    ]
+    parts.append(Grid(("", result.objective, "states"), rows, frozenset({0})))
+    if built is not None:
+        parts.append(peaks_grid(built.peaks))
+        parts.append(Line(f"Not proven over all frequencies: {built.guarantee.reason}."))
+    return [*parts, *warning_lines(result.warnings)]
+
+
+def _text(value: float | None) -> str:
+    return "none" if value is None else number(value)
+
+
+def draw(result: DrawnLimit, unit: str) -> dict[str, Any]:
+    """Return the curves of mu of the controller that can be built."""
+    from service.figures.document import figures_to_json
+    from service.figures.frequency import mu
+
+    if result.curves is None or result.peaks is None:
+        return figures_to_json({}, {"mu": "there are no curves: no controller was built"})
+    return figures_to_json({"mu": mu(result.curves, result.peaks, lower_bound=None, unit=unit)})
+
+
+ANALYSIS = Analysis(
+    name="limit",
+    resource="limits",
+    text=__doc__,
+    outcome="The limit.",
+    request=LimitRequest,
+    result=LimitResult,
+    compute=compute,
+    computes_with=("solver.limits.multivariable", "solver.tuning.tuner"),
+    table=table,
+    figures=Figures(of="a limit", drawn=DrawnLimit, draw=draw),
+)
