@@ -31,7 +31,7 @@ ROUNDS = 40
 TIGHT = 1e-3  # of t: a thousandth of the weight is no difference to any design
 # Corners of the weight ring no more than the grid can see: a damping ratio of 0.1.
 DAMPED = 0.98
-LOOSE = 25.0  # of the squared ratio
+LOOSE = 4.0  # of the squared ratio
 # The weight is raised by so much that rounding cannot put it below an error.
 ABOVE = 1e-9
 
@@ -42,6 +42,7 @@ def cover(
     order: int,
     *,
     tight_below: float = np.inf,
+    hold_first: bool = False,
 ) -> TransferFunction:
     """Return the weight of given order that is above `error` and least in the worst ratio to it.
 
@@ -56,6 +57,9 @@ def cover(
         0, 1 or 2.
     tight_below : float
         Where the error is larger, the ratio may be `LOOSE` to the power of 1/2 times as large.
+    hold_first : bool
+        Whether the weight has the error itself at the first frequency: at steady state it decides
+        whether there may be integral action.
 
     Raises
     ------
@@ -72,11 +76,13 @@ def cover(
     centre = float(np.sqrt(omega[0] * omega[-1]))
     x = (omega / centre) ** 2
     low, high = 1.0, float(np.max(raised) / np.min(raised)) ** 2 * (1 + TIGHT)
-    tight = raised <= max(tight_below, float(np.min(raised)))
+    slack = np.where(raised <= max(tight_below, float(np.min(raised))), 1.0, LOOSE)
+    if hold_first:
+        slack[0] = 0.0
     best: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
     for _ in range(ROUNDS):
         middle = float(np.sqrt(low * high)) if best is not None else high
-        found = _coefficients(x, raised**2, middle, order=order, tight=tight, before=best)
+        found = _coefficients(x, raised**2, middle, order=order, slack=slack, before=best)
         if found is None:
             low = middle
             if best is None:
@@ -131,7 +137,7 @@ def _coefficients(
     ratio: float,
     *,
     order: int,
-    tight: NDArray[np.bool_],
+    slack: NDArray[np.float64],
     before: tuple[NDArray[np.float64], NDArray[np.float64]] | None,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
     """Return B and A, constant first, with A(0) = 1, or None."""
@@ -142,7 +148,7 @@ def _coefficients(
     P = powers / size
     e = squared[:, None]
     above = np.hstack([-P / e, P])  # e^2 A - B <= 0
-    most = np.where(tight, ratio, LOOSE * ratio)[:, None]
+    most = np.maximum(ratio * slack, 1 + TIGHT)[:, None]
     below = np.hstack([P / (most * e), -P])  # B - t e^2 A <= 0
     rows = np.vstack([above, below])
     # A and B are positive on the grid as it stands; the first and last coefficient everywhere.

@@ -127,7 +127,8 @@ def _covered(
     between[[0, -1]] = shape[[0, -1]]
     form = Structure.FULL if (family.parallel or len(family.nominal)) > 1 else Structure.DIAGONAL
     orders = tuple(
-        Uncertainty(cover(omega, between, order, tight_below=HOPELESS), form) for order in (0, 1, 2)
+        Uncertainty(cover(omega, between, order, tight_below=HOPELESS, hold_first=order > 0), form)
+        for order in (0, 1, 2)
     )
     epsilon, theta = cover_by_error(omega, between) or (None, None)
     if shape[0] >= TOO_LARGE:
