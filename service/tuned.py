@@ -6,7 +6,7 @@ table, from a file or from a tuning just made.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 from service.schemas import TuningRequest, TuningResult, parse, tuning_to_json
@@ -87,10 +87,7 @@ class Tuned:
     @property
     def performance(self) -> Performance:
         """The demand at the time constant of the result. Needs settings."""
-        tau_p = self.result.tau_p
-        return Performance(
-            self.specification.performance.max_peak, self.specification.performance.offset, tau_p
-        )
+        return replace(self.specification.performance, tau_p=self.result.tau_p)
 
     @cached_property
     def loops(self) -> tuple[Controller, ...]:

@@ -244,5 +244,7 @@ def _together(
 
 
 def _analysis(tuned: Tuned, loops: tuple[Controller, ...]) -> LoopAnalysis:
-    blocks, distinct = group_loops(tuned.plant, loops, tuned.uncertainty.structure)
-    return LoopAnalysis(blocks, distinct, tuned.uncertainty, tuned.performance)
+    uncertainty, performance = tuned.uncertainty, tuned.performance
+    scales = performance.output_scale
+    blocks, distinct = group_loops(tuned.plant, loops, uncertainty.structure, scales)
+    return LoopAnalysis(blocks, distinct, uncertainty, performance)

@@ -9,6 +9,7 @@ from pydantic import Discriminator, Field, Tag
 import solver.model.weights
 from service.schemas.fields import SMALLEST, PositiveTime, RequestModel, Time, below
 from service.schemas.plants import TransferFunction
+from solver.model.plants import MAX_UNITS
 from solver.model.transfer_function import LARGEST
 from solver.model.weights import Structure
 
@@ -108,6 +109,11 @@ Uncertainty = Annotated[
 ]
 
 
+PermittedError = Annotated[
+    float, Field(gt=0, le=LARGEST, json_schema_extra={"x-unit": "of the outputs"})
+]
+
+
 class Performance(RequestModel):
     """Bound on the sensitivity: w_P(s) = (1/M) (tau_p s + 1)/(tau_p s + A/M)."""
 
@@ -124,7 +130,16 @@ class Performance(RequestModel):
         description="Closed-loop time constant; null where it is what the tuning seeks.",
         examples=[19.0],
     )
+    output_scale: (
+        Annotated[list[PermittedError], Field(min_length=1, max_length=MAX_UNITS)] | None
+    ) = Field(
+        default=None,
+        description="Error that each output may have, in its own unit; only their ratios matter. "
+        "null: the outputs are compared as they come.",
+        examples=[[1.0, 100.0]],
+    )
 
     def build(self) -> solver.model.weights.Performance:
         """Return the solver's performance demand."""
-        return solver.model.weights.Performance(self.max_peak, self.offset, self.tau_p)
+        scales = None if self.output_scale is None else tuple(self.output_scale)
+        return solver.model.weights.Performance(self.max_peak, self.offset, self.tau_p, scales)

@@ -79,7 +79,7 @@ class Loop:
 
         """
         _require_stable(claim.plant)
-        settings = settings_of(claim.plant, claim.loops)
+        settings = settings_of(claim.plant, claim.loops, claim.performance.output_scale)
         if len(settings) > MAX_SETTINGS:
             message = f"certificates cover at most {MAX_SETTINGS} different settings"
             raise InvalidInputError(message, "/loops")

@@ -109,8 +109,15 @@ def _uncertainty(value: object) -> Uncertainty:
 
 
 def _performance(value: object) -> Performance:
-    members = _members(value, "max_peak offset tau_p")
-    return Performance(*(_within(f"/{name}", _number, v) for name, v in members.items()))
+    names = "max_peak offset tau_p"
+    if isinstance(value, dict) and "output_scale" in value:  # written only where it is given
+        names += " output_scale"
+    members = _members(value, names)
+    scales = members.pop("output_scale", None)
+    if scales is not None:
+        scales = _within("/output_scale", _each(_number), scales)
+    numbers = {name: _within(f"/{name}", _number, v) for name, v in members.items()}
+    return Performance(**numbers, output_scale=scales)
 
 
 def _loop(value: object) -> Controller:

@@ -42,7 +42,8 @@ class ProvenInterval:
         Both ends included.
     scales : tuple of float
         d > 0 of each of the different settings, in the order of their first loop; of each loop
-        where the plant is a matrix; a single one for full-block uncertainty.
+        where the plant is a matrix; a single one for full-block uncertainty. Settings of outputs
+        with unlike permitted errors are different; the scales go with the plant E^-1 G E.
 
     """
 
@@ -78,7 +79,7 @@ class Claim:
 
     def __post_init__(self) -> None:
         settle(self, loops=require_loops(self.plant, self.loops), gamma=real(self.gamma, "/gamma"))
-        require_weights(self.uncertainty, self.performance)
+        require_weights(self.plant, self.uncertainty, self.performance)
         if not 0 < self.gamma < math.inf:
             message = "the level is a positive number"
             raise InvalidInputError(message, "/gamma")
@@ -105,7 +106,9 @@ class Certificate:
         settle(self, intervals=instances(self.intervals, ProvenInterval, "/intervals"))
         self._check_coverage()
         claim = self.claim
-        count = scale_count(claim.plant, claim.loops, claim.uncertainty.structure)
+        count = scale_count(
+            claim.plant, claim.loops, claim.uncertainty.structure, claim.performance.output_scale
+        )
         for index, proven in enumerate(self.intervals):
             if len(proven.scales) != count:
                 message = f"{len(proven.scales)} scales where {count} are needed"
@@ -144,11 +147,7 @@ class Certificate:
                 "weight": _transfer_function(claim.uncertainty.weight),
                 "structure": str(claim.uncertainty.structure),
             },
-            "performance": {
-                "max_peak": float(claim.performance.max_peak),
-                "offset": float(claim.performance.offset),
-                "tau_p": _optional(claim.performance.tau_p),
-            },
+            "performance": _performance(claim.performance),
             "loops": [_loop(loop) for loop in claim.loops],
             "intervals": [
                 {
@@ -159,6 +158,18 @@ class Certificate:
                 for proven in self.intervals
             ],
         }
+
+
+def _performance(performance: Performance) -> dict[str, Any]:
+    content: dict[str, Any] = {
+        "max_peak": float(performance.max_peak),
+        "offset": float(performance.offset),
+        "tau_p": _optional(performance.tau_p),
+    }
+    # Written where they are given only: other documents keep their form and digest.
+    if performance.output_scale is not None:
+        content["output_scale"] = [float(scale) for scale in performance.output_scale]
+    return content
 
 
 def _loop(loop: Controller) -> dict[str, Any]:

@@ -6,6 +6,10 @@ groups' means and, for each group with m_a >= 2, m_a - 1 equal scalar blocks of 
 within it, whose plant is g - i. The plant of the means is (g - i) I + i 1 m^T. Its left
 eigenvectors are m^T, with g + (n-1) i, and the differences of two groups, with g - i; outputs
 combined along them keep an ill-conditioned plant harmless, and all factors are rational.
+
+Permitted errors E = diag(e_i) of the outputs turn G into E^-1 G E. For a parallel plant the
+combinations T of before, times E, serve: T E (E^-1 G E) = T G E, so that each column of T and of
+T G takes its factor e.
 """
 
 from __future__ import annotations
@@ -17,7 +21,7 @@ from typing import TYPE_CHECKING
 
 from flint import fmpq
 
-from solver.certificate.enclosures import Response
+from solver.certificate.enclosures import Response, exact
 from solver.model.plants import ParallelPlant
 from solver.model.weights import Structure
 
@@ -34,10 +38,14 @@ MAX_SETTINGS = 20  # the work grows with the cube: 10 take seconds, 20 half a mi
 
 @dataclass(frozen=True)
 class Settings:
-    """Controller settings that have one D-scale, and how many loops have them."""
+    """Controller settings that have one D-scale, and how many loops have them.
+
+    `error` is the permitted error of their outputs.
+    """
 
     controller: Controller
     loops: int
+    error: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,29 +80,41 @@ class Block:
         return tuple(max(response.integrators for response in row) for row in self.responses)
 
 
-def settings_of(plant: Plant, loops: Sequence[Controller]) -> tuple[Settings, ...]:
+def settings_of(
+    plant: Plant, loops: Sequence[Controller], output_scale: Sequence[float] | None
+) -> tuple[Settings, ...]:
     """Return the settings that have a D-scale of their own, in the order of the loops.
 
-    Equal settings on a parallel plant share one; on a matrix plant each loop has its own.
+    Equal settings on a parallel plant share one where the permitted errors of their outputs are
+    equal too; on a matrix plant each loop has its own.
     """
+    pairs = list(zip(loops, output_scale or (1.0,) * len(loops), strict=True))
     if isinstance(plant, ParallelPlant):
-        return tuple(Settings(*pair) for pair in Counter(loops).items())
-    return tuple(Settings(controller, 1) for controller in loops)
+        return tuple(Settings(loop, count, e) for (loop, e), count in Counter(pairs).items())
+    return tuple(Settings(loop, 1, e) for loop, e in pairs)
 
 
-def scale_count(plant: Plant, loops: Sequence[Controller], structure: Structure) -> int:
+def scale_count(
+    plant: Plant,
+    loops: Sequence[Controller],
+    structure: Structure,
+    output_scale: Sequence[float] | None,
+) -> int:
     """Return the number of D-scales: one for a full block of uncertainty."""
-    return 1 if structure is Structure.FULL else len(settings_of(plant, loops))
+    return 1 if structure is Structure.FULL else len(settings_of(plant, loops, output_scale))
 
 
 def blocks(plant: Plant, settings: Sequence[Settings]) -> tuple[Block, ...]:
     """Return the independent blocks of the loop."""
+    errors = [exact(group.error) for group in settings]
     if isinstance(plant, ParallelPlant):
-        return _parallel_blocks(plant, [group.loops for group in settings])
-    return (_matrix_block(plant),)
+        return _parallel_blocks(plant, [group.loops for group in settings], errors)
+    return (_matrix_block(plant, errors),)
 
 
-def _parallel_blocks(plant: ParallelPlant, sizes: Sequence[int]) -> tuple[Block, ...]:
+def _parallel_blocks(
+    plant: ParallelPlant, sizes: Sequence[int], errors: Sequence[fmpq]
+) -> tuple[Block, ...]:
     groups = range(len(sizes))
     mean = Response.combined([(1, plant.process), (plant.n - 1, plant.interaction)])
     difference = Response.combined([(1, plant.process), (-1, plant.interaction)])
@@ -102,7 +122,8 @@ def _parallel_blocks(plant: ParallelPlant, sizes: Sequence[int]) -> tuple[Block,
     left += [[fmpq((b == a) - (b == a + 1)) for b in groups] for a in groups[:-1]]
     # Outputs divided by the group's size: the outer products then need the weights m_a only.
     combination = tuple(
-        tuple(entry / size for entry, size in zip(row, sizes, strict=True)) for row in left
+        tuple(entry / size * e for entry, size, e in zip(row, sizes, errors, strict=True))
+        for row in left
     )
     modes = (mean, *[difference] * (len(sizes) - 1))
     means = Block(
@@ -123,13 +144,13 @@ def _parallel_blocks(plant: ParallelPlant, sizes: Sequence[int]) -> tuple[Block,
     )
 
 
-def _matrix_block(plant: MatrixPlant) -> Block:
+def _matrix_block(plant: MatrixPlant, errors: Sequence[fmpq]) -> Block:
     size = range(plant.n)
     return Block(
         settings=tuple(size),
         weights=(fmpq(1),) * plant.n,
         combination=tuple(tuple(fmpq(r == c) for c in size) for r in size),
-        factors=((fmpq(1),) * plant.n,) * plant.n,
+        factors=tuple(tuple(errors[c] / errors[r] for c in size) for r in size),
         responses=tuple(
             tuple(Response.combined([(1, plant.element(r, c))]) for c in size) for r in size
         ),

@@ -95,7 +95,8 @@ def certify(
         The performance weight has no time constant.
 
     """
-    if len(settings_of(claim.plant, claim.loops)) > MAX_SETTINGS:
+    settings = settings_of(claim.plant, claim.loops, claim.performance.output_scale)
+    if len(settings) > MAX_SETTINGS:
         return CertificateFailure(Obstacle.TOO_LARGE)
     if any(loop.integral_time is None for loop in claim.loops):
         return CertificateFailure(Obstacle.PROPORTIONAL)
@@ -126,7 +127,7 @@ class _Search:
         self.claim = claim
         self.loop = Loop.of(claim)
         self.blocks, self.controllers = group_loops(
-            claim.plant, claim.loops, claim.uncertainty.structure
+            claim.plant, claim.loops, claim.uncertainty.structure, claim.performance.output_scale
         )
         self.interrupt = interrupt
         self.attempts = 0

@@ -12,6 +12,7 @@ from solver.limits.realisation import reducible
 from solver.limits.record import Limit, LimitStatus, Realised
 from solver.limits.search import LimitSearch, least_tau_p
 from solver.model.errors import InvalidInputError
+from solver.model.given import require_fit
 from solver.model.open_loop import require_supported
 from solver.model.plants import ParallelPlant
 from solver.robustness.centralised import (
@@ -60,7 +61,7 @@ def multivariable_limit(
     Raises
     ------
     InvalidInputError
-        A singular static gain, or a matrix plant that is too large.
+        A singular static gain, a matrix plant that is too large, unlike `output_scale`.
     UnsupportedPlantError
         An unstable plant, or integrators that do not belong to inputs.
 
@@ -69,6 +70,10 @@ def multivariable_limit(
     if not isinstance(plant, ParallelPlant) and plant.n > MAX_LIMIT_SIZE:
         message = f"the limit is found for matrix plants up to {MAX_LIMIT_SIZE} units"
         raise InvalidInputError(message, "/plant")
+    require_fit(plant, uncertainty, performance)
+    if performance.unlike_outputs:
+        message = "the limit is found for outputs of one scale: divide the plant's rows by theirs"
+        raise InvalidInputError(message, "/performance/output_scale")
     objective = "tau_p" if performance.tau_p is None else "mu"
     search = LimitSearch(plant, uncertainty, performance, tick)
     bound = lower_bound(plant, uncertainty, performance)

@@ -9,10 +9,16 @@ scaled problem splits exactly, by permutation symmetry and convexity of the scal
 
 All share one D-scale per group (diagonal uncertainty) or one for all (full-block uncertainty).
 A general matrix plant is a single block. What works with blocks need not know which it was.
+
+Permitted errors e_i of the outputs, E = diag(e_i), change sigma_max(w_P S) into
+sigma_max(w_P E^-1 S E). E commutes with the controllers and with diagonal uncertainty, so that is
+the plant E^-1 G E under the same controllers. Of a parallel plant it keeps g on the diagonal, and
+the split holds with the units of equal settings *and* equal permitted errors as groups.
 """
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
@@ -89,6 +95,11 @@ class LoopBlocks:
         The first one carries the group means (all of a matrix plant).
     n_scales : int
         Number of different D-scales.
+    parts : tuple of tuples of int
+        Parallel plant: units that share a controller and a permitted error, group by group; the
+        channels of the first block.
+    output_scale : tuple of float or None
+        Permitted error of each output; None: all alike.
 
     """
 
@@ -96,6 +107,8 @@ class LoopBlocks:
     groups: tuple[tuple[int, ...], ...]
     blocks: tuple[Block, ...]
     n_scales: int
+    parts: tuple[tuple[int, ...], ...]
+    output_scale: tuple[float, ...] | None = None
 
     @property
     def n_controllers(self) -> int:
@@ -114,16 +127,27 @@ class LoopBlocks:
             for row in range(n):
                 for column in range(n):
                     G[:, row, column] = self.plant.element(row, column)(s)
+            G *= self.ratios
             return (G,)
         interaction = self.plant.interaction(s) if self.plant.n > 1 else np.zeros(s.shape)
         difference = np.asarray(self.plant.process(s) - interaction)
-        sizes = np.sqrt([len(group) for group in self.groups])
-        mean = (
-            difference[:, None, None] * np.eye(sizes.size)
-            + np.asarray(interaction)[:, None, None] * sizes[:, None] * sizes
-        )
+        sizes = np.sqrt([len(part) for part in self.parts])
+        mean = difference[:, None, None] * np.eye(sizes.size) + np.asarray(interaction)[
+            :, None, None
+        ] * (sizes[:, None] * sizes * self.ratios)
         single = difference[:, None, None]
         return (mean, *(single for _ in self.blocks[1:]))
+
+    @cached_property
+    def ratios(self) -> NDArray[np.float64]:
+        """Factors e_c/e_r of the first block's entries, (m, m): E^-1 G E of G."""
+        first = self.blocks[0]
+        if self.output_scale is None:
+            return np.ones((first.size, first.size))
+        parallel = isinstance(self.plant, ParallelPlant)
+        units = [part[0] for part in self.parts] if parallel else range(self.plant.n)
+        e = np.array([self.output_scale[unit] for unit in units])
+        return np.asarray(e / e[:, None])
 
     @cached_property
     def layout(self) -> Layout:
@@ -160,6 +184,7 @@ def reduce(
     plant: Plant,
     groups: Sequence[Sequence[int]],
     structure: Structure = Structure.DIAGONAL,
+    output_scale: Sequence[float] | None = None,
 ) -> LoopBlocks:
     """Return the independent blocks of `plant` under loops that are equal within `groups`.
 
@@ -171,6 +196,8 @@ def reduce(
         A partition of the units 0..n-1.
     structure : Structure
         Structure of the input uncertainty.
+    output_scale : sequence of float or None
+        Permitted error of each output, see `Performance`.
 
     Raises
     ------
@@ -183,28 +210,45 @@ def reduce(
         message = "the groups must hold each unit exactly once"
         raise InvalidInputError(message, "/groups")
     full = structure is Structure.FULL
+    scales = None if output_scale is None else tuple(output_scale)
     if not isinstance(plant, ParallelPlant):
         owner = {unit: index for index, group in enumerate(partition) for unit in group}
         channels = tuple(owner[unit] for unit in range(plant.n))
-        scales = (0,) * plant.n if full else tuple(range(plant.n))
-        block = Block(channels, scales, 1)
-        return LoopBlocks(plant, partition, (block,), 1 if full else plant.n)
-    size = len(partition)
-    blocks = [Block(tuple(range(size)), (0,) * size if full else tuple(range(size)), 1)]
+        own = (0,) * plant.n if full else tuple(range(plant.n))
+        block = Block(channels, own, 1)
+        return LoopBlocks(plant, partition, (block,), 1 if full else plant.n, partition, scales)
+    split = [_alike(group, scales) for group in partition]
+    owners = tuple(index for index, parts in enumerate(split) for _ in parts)
+    parts = tuple(itertools.chain.from_iterable(split))
+    size = len(parts)
+    blocks = [Block(owners, (0,) * size if full else tuple(range(size)), 1)]
     blocks += [
-        Block((index,), (0,) if full else (index,), len(group) - 1)
-        for index, group in enumerate(partition)
-        if len(group) > 1
+        Block((owner,), (0,) if full else (index,), len(part) - 1)
+        for index, (owner, part) in enumerate(zip(owners, parts, strict=True))
+        if len(part) > 1
     ]
-    return LoopBlocks(plant, partition, tuple(blocks), 1 if full else size)
+    return LoopBlocks(plant, partition, tuple(blocks), 1 if full else size, parts, scales)
+
+
+def _alike(group: tuple[int, ...], output_scale: tuple[float, ...] | None) -> list[tuple[int, ...]]:
+    """Return the units of a group split by their permitted errors, in the order of the units."""
+    if output_scale is None:
+        return [group]
+    parts: dict[float, list[int]] = {}
+    for unit in group:
+        parts.setdefault(output_scale[unit], []).append(unit)
+    return [tuple(units) for units in parts.values()]
 
 
 def group_loops(
     plant: Plant,
     loops: Sequence[Controller],
     structure: Structure = Structure.DIAGONAL,
+    output_scale: Sequence[float] | None = None,
 ) -> tuple[LoopBlocks, tuple[Controller, ...]]:
-    """Return the blocks for given loops, equal settings sharing a group, and their controllers.
+    """Return the blocks for given loops, and the controller of each of their groups.
+
+    Equal settings share a group, unless the permitted errors of their outputs differ.
 
     Raises
     ------
@@ -215,7 +259,9 @@ def group_loops(
     if len(loops) != plant.n:
         message = f"{len(loops)} loops for a plant of {plant.n} units"
         raise InvalidInputError(message, "/loops")
-    groups: dict[Controller, list[int]] = {}
+    groups: dict[tuple[Controller, float | None], list[int]] = {}
     for unit, loop in enumerate(loops):
-        groups.setdefault(loop, []).append(unit)
-    return reduce(plant, list(groups.values()), structure), tuple(groups)
+        error = None if output_scale is None else output_scale[unit]
+        groups.setdefault((loop, error), []).append(unit)
+    blocks = reduce(plant, list(groups.values()), structure, output_scale)
+    return blocks, tuple(loop for loop, _ in groups)

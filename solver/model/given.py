@@ -8,12 +8,12 @@ from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError
 from solver.model.plants import Plant
 from solver.model.validation import instance, instances
-from solver.model.weights import Performance, Uncertainty
+from solver.model.weights import Performance, Structure, Uncertainty
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-__all__ = ["require_loops", "require_weights"]
+__all__ = ["require_fit", "require_loops", "require_weights"]
 
 
 def require_loops(plant: Plant, loops: Sequence[Controller]) -> tuple[Controller, ...]:
@@ -33,8 +33,23 @@ def require_loops(plant: Plant, loops: Sequence[Controller]) -> tuple[Controller
     return given
 
 
-def require_weights(uncertainty: Uncertainty, performance: Performance) -> None:
-    """Refuse what is no weight, and a demand without `tau_p`.
+def require_weights(plant: Plant, uncertainty: Uncertainty, performance: Performance) -> None:
+    """Refuse what is no weight, a demand without `tau_p`, and weights that do not fit the plant.
+
+    Raises
+    ------
+    InvalidInputError
+        So it is.
+
+    """
+    require_fit(plant, uncertainty, performance)
+    if performance.tau_p is None:
+        message = "an analysis needs a time constant"
+        raise InvalidInputError(message, "/performance/tau_p")
+
+
+def require_fit(plant: Plant, uncertainty: Uncertainty, performance: Performance) -> None:
+    """Refuse what is no weight, and permitted errors that do not fit the plant.
 
     Raises
     ------
@@ -44,6 +59,14 @@ def require_weights(uncertainty: Uncertainty, performance: Performance) -> None:
     """
     instance(uncertainty, Uncertainty, "/uncertainty")
     instance(performance, Performance, "/performance")
-    if performance.tau_p is None:
-        message = "an analysis needs a time constant"
-        raise InvalidInputError(message, "/performance/tau_p")
+    where = "/performance/output_scale"
+    scales = performance.output_scale
+    if scales is not None and len(scales) != plant.n:
+        message = f"{len(scales)} permitted errors for a plant of {plant.n} outputs"
+        raise InvalidInputError(message, where)
+    if performance.unlike_outputs and uncertainty.structure is Structure.FULL:
+        message = (
+            "unlike permitted errors need diagonal uncertainty: inputs that err in concert are "
+            "compared in units of their own"
+        )
+        raise InvalidInputError(message, where)

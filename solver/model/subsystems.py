@@ -30,14 +30,18 @@ def subsystem(
     return MatrixPlant(rows), remaining
 
 
-def interchangeable(plant: Plant, loops: Sequence[Controller]) -> tuple[tuple[int, ...], ...]:
+def interchangeable(
+    plant: Plant, loops: Sequence[Controller], output_scale: Sequence[float] | None = None
+) -> tuple[tuple[int, ...], ...]:
     """Return the units in groups whose loops may change places without any effect.
 
-    Units of a parallel plant with equal settings; on a matrix plant every unit is its own.
+    Units of a parallel plant with equal settings and, where given, equal permitted errors; on a
+    matrix plant every unit is its own.
     """
     if not isinstance(plant, ParallelPlant):
         return tuple((unit,) for unit in range(plant.n))
-    groups: dict[Controller, list[int]] = {}
+    groups: dict[tuple[Controller, float | None], list[int]] = {}
     for unit, loop in enumerate(loops):
-        groups.setdefault(loop, []).append(unit)
+        error = None if output_scale is None else output_scale[unit]
+        groups.setdefault((loop, error), []).append(unit)
     return tuple(tuple(units) for units in groups.values())

@@ -15,9 +15,11 @@ import numpy as np
 
 from solver.model.errors import InvalidInputError
 from solver.model.transfer_function import LARGEST, TransferFunction, refuse_vanishing
-from solver.model.validation import choice, instance, real, settle
+from solver.model.validation import choice, instance, real, reals, settle
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import ArrayLike, NDArray
 
 __all__ = ["Performance", "Structure", "Uncertainty"]
@@ -26,6 +28,7 @@ __all__ = ["Performance", "Structure", "Uncertainty"]
 # Skogestad and Postlethwaite (2005), eq. 7.28: x = theta s/2.363, (x^2 + 2 0.838 x + 1) over
 # (x^2 + 2 0.685 x + 1).
 CORRECTION, LEAD, LAG = 2.363, 1.676, 1.37
+MOST_UNLIKE = 1e12  # ratio of permitted errors: more leaves too few digits of the smaller ones
 SHORTEST = 1e-40  # dead time whose cube still is a coefficient
 
 
@@ -153,6 +156,8 @@ class Uncertainty:
 class Performance:
     """Bound sigma_max(w_P S) < 1 with w_P = (1/M) (tau_P s + 1)/(tau_P s + A/M), SLH eq. 29.
 
+    With permitted errors E = diag(e_i) of the outputs it is sigma_max(w_P E^-1 S E) < 1.
+
     Parameters
     ----------
     max_peak : float
@@ -161,12 +166,16 @@ class Performance:
         A: permitted relative steady-state offset, 0 <= A < 1.
     tau_p : float or None
         Closed-loop time constant tau_P > 0 in the caller's time unit; None where it is sought.
+    output_scale : tuple of float or None
+        e_i > 0, the error that each output may have, in its own unit; only their ratios matter.
+        None: the outputs are compared as they come.
 
     """
 
     max_peak: float = 2.0
     offset: float = 0.0
     tau_p: float | None = None
+    output_scale: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
         settle(
@@ -185,9 +194,33 @@ class Performance:
         if self.tau_p is not None and not 0 < self.tau_p <= LARGEST:
             message = f"tau_p must be positive and at most {LARGEST:g}"
             raise InvalidInputError(message, "/tau_p")
+        if self.output_scale is not None:
+            settle(self, output_scale=reals(self.output_scale, "/output_scale"))
+            self._check_output_scale(self.output_scale)
         refuse_vanishing(self.offset / self.max_peak, "/offset")
         if self.tau_p is not None:
             refuse_vanishing(self.tau_p / self.max_peak, "/tau_p")
+
+    @staticmethod
+    def _check_output_scale(scales: tuple[float, ...]) -> None:
+        for index, scale in enumerate(scales):
+            if not 0 < scale <= LARGEST:
+                message = f"a permitted error must be positive and at most {LARGEST:g}"
+                raise InvalidInputError(message, f"/output_scale/{index}")
+        if scales and max(scales) > MOST_UNLIKE * min(scales):
+            message = f"the permitted errors may differ by a factor of {MOST_UNLIKE:g} at most"
+            raise InvalidInputError(message, "/output_scale")
+
+    @property
+    def unlike_outputs(self) -> bool:
+        """Whether the permitted errors of the outputs differ; only then do they matter."""
+        return len(set(self.output_scale or ())) > 1
+
+    def of_units(self, units: Sequence[int]) -> Performance:
+        """Return the same demand on some of the outputs."""
+        if self.output_scale is None:
+            return self
+        return replace(self, output_scale=tuple(self.output_scale[unit] for unit in units))
 
     def with_tau_p(self, tau_p: float) -> Performance:
         """Return the same demand at the time constant `tau_p`."""

@@ -147,7 +147,7 @@ def cone(
     for j in range(size):
         rows[2 * j, 2 * j : 2 * j + 2] = 1, -shortest[j]
         rows[2 * j + 1, 2 * j : 2 * j + 2] = -1, longest[j]
-    alike = size == 2 and len(groups[0]) == len(groups[1])
+    alike = size == 2 and len(groups[0]) == len(groups[1]) and bool((blocks.ratios == 1).all())
     if alike and isinstance(blocks.plant, ParallelPlant):
         rows = np.vstack([rows, [1, 0, -1, 0]])
     return rows

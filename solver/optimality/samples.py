@@ -63,9 +63,12 @@ def samples(blocks: LoopBlocks, uncertainty: Uncertainty, s: NDArray[np.complex1
     if isinstance(plant, ParallelPlant):
         process, interaction = np.abs(plant.process(s)), np.abs(plant.interaction(s))
         # The block of the group means has g - i on its diagonal, and i sqrt(m_a m_b) everywhere.
-        size = process + (1 + plant.n) * interaction
+        size = process + (1 + plant.n) * interaction * blocks.ratios.max()
     else:
-        size = np.sqrt(sum(np.abs(element(s)) ** 2 for element in plant.elements))
+        ratios = blocks.ratios.ravel()
+        size = np.sqrt(
+            sum(np.abs(e(s) * r) ** 2 for e, r in zip(plant.elements, ratios, strict=True))
+        )
     u = np.abs(uncertainty.weight(s)) ** 2
     return Samples(s, blocks.packed_at(s), u, np.asarray(size))
 

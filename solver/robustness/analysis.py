@@ -76,10 +76,10 @@ def analyse(
 
     """
     loops = require_loops(plant, loops)
-    require_weights(uncertainty, performance)
+    require_weights(plant, uncertainty, performance)
     certificate = flag(certificate, "/certificate")
     wanted = None if omega is None else frequencies(omega, most=MAX_FREQUENCIES)
-    blocks, controllers = group_loops(plant, loops, uncertainty.structure)
+    blocks, controllers = group_loops(plant, loops, uncertainty.structure, performance.output_scale)
     analysis = LoopAnalysis(blocks, controllers, uncertainty, performance)
     poles = closed_loop_poles(plant, loops)
     if poles.right_half_plane and not poles.at_origin:

@@ -101,7 +101,9 @@ def proven_peaks(
         One a unit, nominally stable together.
 
     """
-    blocks, controllers = group_loops(plant, loops, uncertainty.structure)
+    blocks, controllers = group_loops(
+        plant, loops, uncertainty.structure, performance.output_scale
+    )
     analysis = LoopAnalysis(blocks, controllers, uncertainty, performance)
     compiled = _compiled(plant, uncertainty, performance, loops)
     omega = analysis.omega
@@ -143,7 +145,7 @@ def _compiled(
     plant: Plant, uncertainty: Uncertainty, performance: Performance, loops: Sequence[Controller]
 ) -> tuple[Tables, Scratch] | None:
     """Return the loop for the compiled enclosures; None where it has too many settings."""
-    if len(settings_of(plant, loops)) > MAX_SETTINGS:
+    if len(settings_of(plant, loops, performance.output_scale)) > MAX_SETTINGS:
         return None
     level = 1.0  # each march brings its own
     T = tables(Loop.of(Claim(plant, uncertainty, performance, tuple(loops), level)))

@@ -173,7 +173,7 @@ def integrity(
     """
     loops = require_loops(plant, loops)
     classes = service_classes(plant, uncertainty, performance, loops)
-    groups = interchangeable(plant, loops)
+    groups = interchangeable(plant, loops, performance.output_scale)
     return Integrity(groups, classes, _detuning(plant, loops, groups), _controllability(plant))
 
 
@@ -188,8 +188,8 @@ def service_classes(
     Parameters, errors: as for `integrity`.
     """
     loops = require_loops(plant, loops)
-    require_weights(uncertainty, performance)
-    groups = interchangeable(plant, loops)
+    require_weights(plant, uncertainty, performance)
+    groups = interchangeable(plant, loops, performance.output_scale)
     count = math.prod(len(group) + 1 for group in groups) - 1
     if count > MAX_CLASSES:
         message = (
@@ -232,12 +232,12 @@ def _proven(
     kinds: Iterable[tuple[int, ...]],
 ) -> list[_Found]:
     """Peaks of robust stability and performance of each kind of set, over all frequencies."""
-    groups = interchangeable(plant, loops)
+    groups = interchangeable(plant, loops, performance.output_scale)
     found = []
     for kind in kinds:
         units = sorted(unit for group, k in zip(groups, kind, strict=True) for unit in group[:k])
         part, remaining = subsystem(plant, loops, units)
-        axis = proven_peaks(part, uncertainty, performance, remaining)
+        axis = proven_peaks(part, uncertainty, performance.of_units(units), remaining)
         found.append((axis.peaks.robust_stability, axis.peaks.robust_performance, axis.guarantee))
     return found
 
@@ -247,13 +247,19 @@ def _sampled(
 ) -> list[_Found]:
     """Return the same for many kinds at once, on the grid of all loops together, refined."""
     analysis = LoopAnalysis(
-        *group_loops(sets.plant, loops, uncertainty.structure), uncertainty, performance
+        *group_loops(sets.plant, loops, uncertainty.structure, performance.output_scale),
+        uncertainty,
+        performance,
     )
+    errors = None
+    if performance.output_scale is not None:
+        groups = interchangeable(sets.plant, loops, performance.output_scale)
+        errors = np.array([performance.output_scale[group[0]] for group in groups])
     reason = f"more than {MAX_PROVEN} kinds of sets: their peaks are sampled"
     return [
         (stability, robust, Guarantee(GuaranteeStatus.OPEN, robust.value, reason))
         for stability, robust in zip(
-            *peaks(sets, uncertainty, performance, analysis.omega[::2]), strict=True
+            *peaks(sets, uncertainty, performance, analysis.omega[::2], errors=errors), strict=True
         )
     ]
 
@@ -268,7 +274,7 @@ def in_one_line(
 
     Otherwise say that it was left out. Parameters, errors: as for `integrity`.
     """
-    groups = interchangeable(plant, loops)
+    groups = interchangeable(plant, loops, performance.output_scale)
     count = math.prod(len(group) + 1 for group in groups) - 1
     if count * len(groups) ** 2 > MAX_IN_PASSING:
         return f"loops out of service: {_number(count)} kinds of sets, not analysed in passing"

@@ -144,7 +144,9 @@ class _Loop:
 
     def at(self, plant: Plant) -> _Point:
         """Return what the loop does with this plant."""
-        blocks, controllers = group_loops(plant, self.loops)
+        blocks, controllers = group_loops(
+            plant, self.loops, output_scale=self.performance.output_scale
+        )
         c = np.stack([controller.response(self.omega) for controller in controllers], axis=-1)
         w_P = np.abs(self.performance.weight.response(self.omega))
         directions, peak = [], 0.0

@@ -37,6 +37,8 @@ def peaks(
     uncertainty: Uncertainty,
     performance: Performance,
     omega: NDArray[np.float64],
+    *,
+    errors: NDArray[np.float64] | None = None,
 ) -> tuple[list[Peak], list[Peak]]:
     """Return the refined peaks of mu of each subset, all nominally stable.
 
@@ -48,6 +50,8 @@ def peaks(
         The weights.
     omega : (k,) rad per time unit
         Ascending grid that resolves all of them.
+    errors : (controllers,) or None
+        Permitted error of each controller's outputs; None: all alike.
 
     Returns
     -------
@@ -57,7 +61,7 @@ def peaks(
     """
     where, values = np.empty((2, 2, len(subsets.counts)))
     for members in _families(subsets):
-        family = _Family.of(subsets, members, uncertainty, performance)
+        family = _Family.of(subsets, members, uncertainty, performance, errors)
         step = batch_length(omega.size * 8 * family.channels.shape[1] ** 2)
         for first in range(0, members.size, step):
             rows = np.arange(first, min(first + step, members.size))
@@ -97,6 +101,7 @@ class _Family:
     blocks: LoopBlocks
     uncertainty: Uncertainty
     performance: Performance
+    errors: NDArray[np.float64] | None
 
     @classmethod
     def of(
@@ -105,6 +110,7 @@ class _Family:
         members: NDArray[np.intp],
         uncertainty: Uncertainty,
         performance: Performance,
+        errors: NDArray[np.float64] | None,
     ) -> _Family:
         """Return the family of the subsets `members`."""
         counts = subsets.counts[members]
@@ -125,7 +131,7 @@ class _Family:
             groups = [range(row, row + 1) for row in range(len(units))]
             sample = MatrixPlant([[plant.element(row, col) for col in units] for row in units])
         blocks = reduce(sample, groups, uncertainty.structure)
-        return cls(subsets, channels, counts, blocks, uncertainty, performance)
+        return cls(subsets, channels, counts, blocks, uncertainty, performance, errors)
 
     def peak_frequencies(
         self, members: NDArray[np.intp], omega: NDArray[np.float64]
@@ -202,6 +208,9 @@ class _Family:
         channels, counts = self.channels[members], self.counts[members]
         c = np.take_along_axis(self.subsets.controller_response(omega), channels, axis=1)
         means = self.subsets.plant_response(omega, channels, counts)
+        if self.errors is not None:  # E^-1 G E, see `solver.model.blocks`
+            e = self.errors[channels]
+            means *= e[:, None, :] / e[:, :, None]
         rows, size = int(self.blocks.layout[2][-1]), channels.shape[1]
         G = np.zeros((omega.size, rows, size), dtype=complex)
         G[:, :size] = means

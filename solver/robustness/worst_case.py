@@ -89,6 +89,8 @@ class RankOnePerturbation:
 class WorstCase:
     """The perturbation that attains the lower bound `mu` of the peak, at `omega`.
 
+    `performance` acts on outputs in units of their permitted errors where there are any.
+
     Its size is 1/mu. With it the input uncertainty G (I + w_I Delta_I), w_I without its dead time
     if it has one, gives sigma_max(w_P S_p) = mu at `omega`, and the loop closed by `performance`
     is on the verge of instability there. `upper_bound` is mu's at the same frequency, and `gap`
@@ -189,23 +191,27 @@ def _attained(  # noqa: PLR0917 - as its two callers have them
     scales: NDArray[np.float64],
 ) -> _Attained:
     full = uncertainty.structure is Structure.FULL
-    parts = [(part, group) for group, units in enumerate(blocks.groups) for part in _split(units)]
-    split = reduce(blocks.plant, [part for part, _ in parts], uncertainty.structure)
-    # Part and group of each channel: of a matrix plant they stand in the order of the units.
-    channels = [parts[channel] for channel in split.blocks[0].channels]
+    # A part of a parallel plant has a D-scale of its own, and one of the controllers.
+    halves = [(half, part) for part, units in enumerate(blocks.parts) for half in _split(units)]
+    split = reduce(
+        blocks.plant, [half for half, _ in halves], uncertainty.structure, blocks.output_scale
+    )
+    # Half and part of each channel: of a matrix plant they stand in the order of the units.
+    channels = [halves[channel] for channel in split.blocks[0].channels]
     size = len(channels)
+    parallel = isinstance(blocks.plant, ParallelPlant)
+    group = blocks.blocks[0].channels if parallel else range(len(blocks.groups))
     N = interconnection(
         split.response(omega)[0],
-        np.stack([controllers[group].response(omega) for _, group in channels], axis=1),
+        np.stack([controllers[group[part]].response(omega) for _, part in channels], axis=1),
         _rational(uncertainty.weight).response(omega),
         performance.weight.response(omega),
     )
-    # A parallel plant has one scale a group, a matrix plant one a unit, a full block one in all.
-    parallel = isinstance(blocks.plant, ParallelPlant)
-    owner = [0] if full else [group if parallel else part[0] for part, group in channels]
+    # A parallel plant has one scale a part, a matrix plant one a unit, a full block one in all.
+    owner = [0] if full else [part if parallel else half[0] for half, part in channels]
     structure = BlockStructure((0,) * size if full else tuple(range(size)), size)
     d = scales[:, owner]
-    return _Attained([part for part, _ in channels], N, structure, d, lower_bound(N, structure, d))
+    return _Attained([half for half, _ in channels], N, structure, d, lower_bound(N, structure, d))
 
 
 def all_pass(value: complex, omega: float) -> TransferFunction:

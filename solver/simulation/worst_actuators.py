@@ -60,8 +60,8 @@ def worst_actuators(
 
     """
     loops = require_loops(plant, loops)
-    require_weights(uncertainty, performance)
-    blocks, controllers = group_loops(plant, loops, uncertainty.structure)
+    require_weights(plant, uncertainty, performance)
+    blocks, controllers = group_loops(plant, loops, uncertainty.structure, performance.output_scale)
     analysis = LoopAnalysis(blocks, controllers, uncertainty, performance)
     mu = analysis.robust_performance(analysis.omega)
     omega = analysis.omega[[np.flatnonzero(mu >= (1 - _ACTIVE) * mu.max())[-1]]]

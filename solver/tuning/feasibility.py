@@ -62,16 +62,17 @@ def obstacle(specification: Specification) -> Obstacle | None:
     return _matrix(plant.response(SLOW * _slowest_root(plant))[0])
 
 
-def other_signs(plant: Plant, groups: Groups) -> Iterator[tuple[float, ...]]:
+def other_signs(specification: Specification, groups: Groups) -> Iterator[tuple[float, ...]]:
     """Signs of the gains, (groups,) each, other than the usual ones, that integral action permits.
 
-    Those with det (G(0) K) > 0; groups alike of a parallel plant may change places.
+    Those with det (G(0) K) > 0; groups alike may change places where units may.
     """
+    plant = specification.plant
     index, usual = _niederlinski_index(plant), gain_signs(plant, groups)
     seen = set()
     for flips in itertools.product((1.0, -1.0), repeat=len(groups)):
         key: tuple[object, ...] = flips
-        if isinstance(plant, ParallelPlant):
+        if specification.interchangeable:
             key = tuple(sorted(zip(map(len, groups), flips, strict=True)))
         turned = sum(len(group) for group, flip in zip(groups, flips, strict=True) if flip < 0)
         if key in seen or turned == 0 or index * (-1) ** turned < 0:

@@ -10,7 +10,7 @@ import itertools
 from typing import TYPE_CHECKING
 
 from solver.model.errors import InvalidInputError
-from solver.model.plants import ParallelPlant, Plant
+from solver.model.plants import Plant
 from solver.tuning.specification import Arrangement, Specification
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ def groupings(specification: Specification) -> tuple[Groups, ...]:
             raise InvalidInputError(message, "/controller/arrangement")
         return (consecutive((1,) * plant.n),)
     found = [identical_groups(plant)]
-    if isinstance(plant, ParallelPlant):
+    if specification.interchangeable:
         found += [consecutive((size, plant.n - size)) for size in _parts(plant.n)]
     elif plant.n <= MAX_CONTROLLERS:
         found.append(consecutive((1,) * plant.n))

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from solver.model.plants import Plant
+    from solver.model.weights import Performance
 
 __all__ = ["UNLIKE", "output_units_warning", "relative_output_sizes"]
 
@@ -48,16 +49,13 @@ def relative_output_sizes(plant: Plant) -> NDArray[np.float64]:
     return np.asarray(np.exp(sizes - np.nanmin(sizes)), dtype=np.float64)
 
 
-def output_units_warning(plant: Plant) -> str | None:
+def output_units_warning(plant: Plant, performance: Performance) -> str | None:
     """Return a warning where the outputs of a matrix plant are hardly comparable; else None.
 
-    Parameters
-    ----------
-    plant : Plant
-        As it is tuned, with output scales applied where there are any.
-
+    None too where the demand tells the permitted errors of the outputs.
     """
-    if isinstance(plant, ParallelPlant):  # units alike have outputs alike
+    # Units alike have outputs alike.
+    if isinstance(plant, ParallelPlant) or performance.output_scale is not None:
         return None
     sizes = relative_output_sizes(plant)
     ratio = float(np.nanmax(sizes) / np.nanmin(sizes))
@@ -66,8 +64,8 @@ def output_units_warning(plant: Plant) -> str | None:
     largest, smallest = int(np.nanargmax(sizes)) + 1, int(np.nanargmin(sizes)) + 1
     return (
         f"The demand compares outputs as they come, and output {largest} moves {ratio:.3g} times "
-        f"as far as output {smallest}: tau_p depends on their units. Divide each output, and its "
-        "row of the plant, by the error that it may have."
+        f"as far as output {smallest}: tau_p depends on their units. Give the error that each "
+        "output may have as output_scale."
     )
 
 

@@ -64,7 +64,7 @@ def report(
         return infeasible(specification, search.groups, clock, reason, None)
     warnings = [
         *plant_remarks(specification.plant),
-        *filter(None, [output_units_warning(specification.plant)]),
+        *filter(None, [output_units_warning(specification.plant, specification.performance)]),
         *_sign_warnings(specification, search),
         *remarks(search, end.candidate.theta),
     ]

@@ -18,7 +18,6 @@ import numpy as np
 from solver.model.blocks import reduce
 from solver.model.frequencies import corners, grid, resonances
 from solver.model.peaks import Peak
-from solver.model.plants import ParallelPlant
 from solver.model.transfer_function import LARGEST
 from solver.model.weights import Performance
 from solver.optimality.record import SettingsProblem
@@ -119,7 +118,9 @@ class GroupingSearch:
         self.groups = groups = freedom.groups
         self.checkpoint = checkpoint
         plant, uncertainty = specification.plant, specification.uncertainty
-        self.blocks = reduce(plant, groups, uncertainty.structure)
+        self.blocks = reduce(
+            plant, groups, uncertainty.structure, specification.performance.output_scale
+        )
         self.region = search_region(specification, groups)
         self.box = self.region.box
         performance = specification.performance
@@ -324,7 +325,7 @@ class GroupingSearch:
     def canonical(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the permuted copy that stands for all: groups alike by descending gain."""
         rows = theta.reshape(len(self.groups), -1)
-        if not isinstance(self.specification.plant, ParallelPlant):
+        if not self.specification.interchangeable:
             return theta
         alike = list(zip(map(len, self.groups), self.objective.signs.tolist(), strict=True))
         result = rows.copy()

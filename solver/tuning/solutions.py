@@ -15,7 +15,6 @@ import numpy as np
 
 from solver.model.controllers import DERIVATIVE_FILTER
 from solver.model.frequencies import corners
-from solver.model.plants import ParallelPlant
 from solver.stability.closed_loop import unstable_poles
 from solver.tuning.bounds import gain_signs
 from solver.tuning.groupings import coarser
@@ -179,7 +178,7 @@ class Solutions:
 
     @property
     def _interchangeable(self) -> bool:
-        return isinstance(self.specification.plant, ParallelPlant)
+        return self.specification.interchangeable
 
     def _with_filters(self, tied: Solution) -> list[NDArray[np.float64]]:
         """Return settings with a free filter time that are, or nearly, those without one."""

@@ -7,6 +7,7 @@ from enum import StrEnum
 
 from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError
+from solver.model.given import require_fit
 from solver.model.plants import ParallelPlant, Plant
 from solver.model.validation import (
     choice,
@@ -191,10 +192,14 @@ class Specification:
             message = "the time limit must be positive"
             raise InvalidInputError(message, "/search/time_limit")
 
+    @property
+    def interchangeable(self) -> bool:
+        """Whether units may change places: those of a parallel plant, unless outputs are unlike."""
+        return isinstance(self.plant, ParallelPlant) and not self.performance.unlike_outputs
+
     def _settle(self) -> None:
         instance(self.plant, Plant, "/plant")
-        instance(self.uncertainty, Uncertainty, "/uncertainty")
-        instance(self.performance, Performance, "/performance")
+        require_fit(self.plant, self.uncertainty, self.performance)
         instance(self.bounds, Bounds, "/controller/bounds")
         settle(
             self,
@@ -264,6 +269,9 @@ class Specification:
                 "use the arrangement 'identical', or 'grouped' with two sizes"
             )
             raise InvalidInputError(message, where)
-        if not isinstance(self.plant, ParallelPlant) and self.plant.n > MOST_PROVEN:
-            message = f"the optimality gap is proven for matrix plants up to {MOST_PROVEN} units"
+        if not self.interchangeable and self.plant.n > MOST_PROVEN:
+            message = (
+                "the optimality gap is proven for matrix plants, and for unlike output scales, "
+                f"up to {MOST_PROVEN} units"
+            )
             raise InvalidInputError(message, where)

@@ -6,7 +6,6 @@ import math
 from typing import TYPE_CHECKING
 
 from solver.model.open_loop import require_supported
-from solver.model.plants import ParallelPlant
 from solver.model.validation import instance
 from solver.tuning.bounds import gain_signs
 from solver.tuning.clock import Clock, OutOfTimeError
@@ -120,7 +119,7 @@ class _Run:
         if usual:
             self._search_all(lambda groups: [gain_signs(plant, groups)])
         if self.specification.signs is Signs.ANY and self._chosen() is None:
-            self._search_all(lambda groups: list(other_signs(plant, groups)))
+            self._search_all(lambda groups: list(other_signs(self.specification, groups)))
 
     def _search_all(self, patterns: Callable[[Groups], list[tuple[float, ...]]]) -> None:
         """Solve the groupings of the task, with each pattern of signs of the gains."""
@@ -130,9 +129,9 @@ class _Run:
         )
         for groups in self.partitions:
             self._solve(groups, patterns(groups))
-        if self.specification.arrangement is not Arrangement.BEST or not isinstance(
-            self.specification.plant, ParallelPlant
-        ):
+        if self.specification.arrangement is not Arrangement.BEST:
+            return
+        if not self.specification.interchangeable:
             return
         # Beside the best partition, as long as that finds a better one.
         while (best := self._chosen()) is not None:

@@ -6,6 +6,7 @@ from dataclasses import fields
 from typing import TYPE_CHECKING, Any, Literal, overload
 
 from solver.model.errors import InvalidInputError
+from solver.model.validation import reals
 from solver.model.weights import Performance
 from solver.tuning.specification import Bounds, ControllerKind, Specification
 from solver.tuning.tuner import tune as tune_specification
@@ -36,6 +37,7 @@ def tune(
     max_peak: float = 2.0,
     offset: float = 0.0,
     tau_p: float | None = None,
+    output_scale: Sequence[float] | None = None,
     controller: ControllerKind | KindName = ...,
     arrangement: Arrangement | ArrangementName = ...,
     group_sizes: Sequence[int] | None = None,
@@ -65,7 +67,7 @@ def tune(
         Open-loop stable, or integrating; or the whole task, with `progress` alone beside it.
     uncertainty : Uncertainty
         How wrong the inputs may be.
-    max_peak, offset, tau_p : float
+    max_peak, offset, tau_p, output_scale
         The demand, see `Performance`; `tau_p` (time unit of the plant) for the objective 'mu',
         and only then.
     controller : ControllerKind or str
@@ -111,6 +113,7 @@ def _specification(
     max_peak: float = 2.0,
     offset: float = 0.0,
     tau_p: float | None = None,
+    output_scale: Sequence[float] | None = None,
     controller: str = ControllerKind.PI,
     bounds: Bounds | None = None,
     **others: Any,  # noqa: ANN401 - the record checks them
@@ -129,7 +132,12 @@ def _specification(
     return Specification(
         plant,
         uncertainty,  # type: ignore[arg-type]  # None is refused there, by name
-        Performance(max_peak, offset, tau_p),
+        Performance(
+            max_peak,
+            offset,
+            tau_p,
+            None if output_scale is None else reals(output_scale, "/output_scale"),
+        ),
         kind=controller,  # type: ignore[arg-type]  # a value becomes the member there
         bounds=Bounds() if bounds is None else bounds,
         **others,

@@ -7,6 +7,7 @@ import pytest
 
 from solver.model.plants import MatrixPlant, first_order
 from solver.model.transfer_function import TransferFunction
+from solver.model.weights import Performance
 from solver.tuning.output_units import output_units_warning, relative_output_sizes
 
 WOOD_BERRY = (
@@ -39,7 +40,7 @@ def test_hundredths_of_an_output_are_seen(
     of_output: float, warned: bool, of_input: float, time: float
 ) -> None:
     """Wood and Berry's column in hundredths is warned of, whatever the inputs' units and time."""
-    warning = output_units_warning(wood_berry(of_output, of_input, time))
+    warning = output_units_warning(wood_berry(of_output, of_input, time), Performance())
     assert (warning is not None) is warned
     if warning is not None:
         assert ("output 2 moves" in warning) is (of_output > 1)
@@ -51,12 +52,12 @@ def test_outputs_without_a_common_input_are_not_compared() -> None:
     plant = MatrixPlant(
         [[TransferFunction([1], [1, 1]), nothing], [nothing, TransferFunction([1e6], [1, 1])]]
     )
-    assert output_units_warning(plant) is None
+    assert output_units_warning(plant, Performance()) is None
 
 
 def test_units_alike_have_outputs_alike() -> None:
     """Parallel units and plants with equal rows are not warned of."""
-    assert output_units_warning(first_order(300, 1e6, 10, 0.9)) is None
+    assert output_units_warning(first_order(300, 1e6, 10, 0.9), Performance()) is None
     P = np.array([[1.0, 1e3], [1e3, 1.0]])
     plant = MatrixPlant([[TransferFunction([g], [1, 1]) for g in row] for row in P.tolist()])
     np.testing.assert_allclose(relative_output_sizes(plant), 1)
@@ -65,7 +66,7 @@ def test_units_alike_have_outputs_alike() -> None:
 def test_integrators_and_single_outputs() -> None:
     """An integrating plant is measured off zero frequency; one output has nothing beside it."""
     integrator = TransferFunction([1e6], [1, 0])
-    assert output_units_warning(MatrixPlant([[integrator]])) is None
+    assert output_units_warning(MatrixPlant([[integrator]]), Performance()) is None
     slow = TransferFunction([1], [1, 0])
     plant = MatrixPlant([[slow, slow], [integrator, TransferFunction([-1e6], [1, 0])]])
-    assert output_units_warning(plant) is not None
+    assert output_units_warning(plant, Performance()) is not None
