@@ -44,6 +44,8 @@ class Region:
         What no settings leave.
     starts : Box
         What starts are drawn from.
+    crossover : float
+        The highest that is permitted, rad per time unit.
     given : (m, 2) bool
         Which of the box's lower and upper bounds the user gave.
 
@@ -51,6 +53,7 @@ class Region:
 
     box: Box
     starts: Box
+    crossover: float
     given: NDArray[np.bool_]
 
 
@@ -107,6 +110,7 @@ def search_region(specification: Specification, groups: Groups) -> Region:
     return Region(
         Box(_log_inside(np.array(low), 1), _log_inside(np.array(high), -1)),
         Box(_log_inside(np.array(start_low), 1), _log_inside(np.array(start_high), -1)),
+        permitted,
         np.array(given),
     )
 

@@ -40,6 +40,8 @@ __all__ = ["Freedom", "GroupingSearch", "Optimum"]
 POINTS_PER_DECADE = 11
 FAR = 1e6  # over the end of the grid: there what is not fed through has died away
 PHASES = 64  # of a dead time at infinity
+TURNING = 3.0  # radians by the crossover from which phases are sampled,
+PHASES_BELOW = 120  # at so many frequencies
 SAME_VALUE = 5e-3  # difference of s below which two optima may be one
 SAME_PLACE = 0.05  # and of the log parameters
 FLAT = 1e-4  # difference of s between optima that are one to the count of optima
@@ -130,7 +132,8 @@ class GroupingSearch:
         else:
             goal = MuGoal(performance)
         bends = corners(plant, uncertainty)
-        omega = grid(1e-2 * bends[0], 30 * bends[-1], POINTS_PER_DECADE, [resonances(plant)])
+        extra = [resonances(plant), self._turning()]
+        omega = grid(1e-2 * bends[0], 30 * bends[-1], POINTS_PER_DECADE, extra)
         omega = np.concatenate([self._below(omega[0]), omega, self._far(omega[-1])])
         self.objective = LoopObjective(
             self.blocks, uncertainty, goal, freedom.kind, np.array(freedom.signs), omega, ROUGH_NU
@@ -154,6 +157,17 @@ class GroupingSearch:
         low = min(1e-2 * bend * weakest, 1e-2 * math.exp(-self._longest))
         between = np.geomspace(low, bend, 2 * math.ceil(math.log10(bend / low)) + 1)[1:-1]
         return np.concatenate([[low, 2 * low], between])
+
+    def _turning(self) -> NDArray[np.float64]:
+        """Frequencies up to the crossover, where a long dead time turns the phase many times.
+
+        So many that some are near the worst phase; which, the last descents find out.
+        """
+        plant = self.specification.plant
+        longest = max(element.dead_time for element in plant.elements)
+        if longest * self.region.crossover < TURNING:
+            return np.empty(0)
+        return np.geomspace(1 / longest, 10 * self.region.crossover, PHASES_BELOW)
 
     def _far(self, end: float) -> NDArray[np.float64]:
         """Frequencies that stand for infinity, where what dead time feeds through has any phase.

@@ -34,6 +34,7 @@ __all__ = ["Solution", "Solutions"]
 
 STARTS_PER_PARAMETER = 3
 STARTS_BEFORE_HOPS = 2  # a parameter, where the search goes on from the best optimum
+STARTS_WITH_LEADS = 5  # as before, where fast and slow derivatives have optima far apart
 STARTS_OF_OTHER_SIGNS = 6  # times as many: most of them are unstable at any gain
 FARTHER = 1e3  # corners of the loop over which the grid is extended where it missed an instability
 EXTENSIONS = 3
@@ -94,7 +95,10 @@ class Solutions:
         if self.specification.starts is not None:
             return self.specification.starts
         groups = len(freedom.groups)
-        each = STARTS_PER_PARAMETER if groups == 1 else STARTS_BEFORE_HOPS
+        lead = "derivative_time" in freedom.kind.parameters
+        each = STARTS_PER_PARAMETER
+        if groups > 1:
+            each = STARTS_WITH_LEADS if lead else STARTS_BEFORE_HOPS
         if freedom.signs != gain_signs(self.specification.plant, freedom.groups):
             each *= STARTS_OF_OTHER_SIGNS
         return each * groups * len(freedom.kind.parameters)
