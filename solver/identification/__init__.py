@@ -9,6 +9,7 @@ from solver.identification.identify import Identification, Prediction, identify
 from solver.identification.problem import Start, Structure
 from solver.identification.reading import read_record
 from solver.identification.record import Record
+from solver.identification.relay_record import relay_record
 from solver.identification.selection import Allowed
 from solver.identification.uncertainty import Cover
 
@@ -30,4 +31,5 @@ __all__ = [
     "cover_by_error",
     "identify",
     "read_record",
+    "relay_record",
 ]
