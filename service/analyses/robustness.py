@@ -65,6 +65,13 @@ class RobustnessRequest(GivenLoops):
         examples=["none"],
     )
 
+    method: Literal["kernel", "sdp"] = Field(
+        default="kernel",
+        description="sdp: the bound at the peak is recomputed by semidefinite programming, "
+        "independently of the kernel, and both are given.",
+        examples=["kernel"],
+    )
+
     model_config = ConfigDict(json_schema_extra={"examples": [EXAMPLE]})
 
     def build(self) -> RobustnessTask:
@@ -113,6 +120,15 @@ class ModelTolerance(ResultModel):
     stability: list[float | None] = Field(
         description="Where nominal stability is lost.", examples=[[-2.04, 0.054]]
     )
+
+
+class CrossCheck(ResultModel):
+    """Two upper bounds of mu of robust performance at one frequency."""
+
+    omega: float = Field(description="Where the peak is, rad per time unit.", examples=[0.0314])
+    kernel: float = Field(description="Bound by the kernel.", examples=[1.0003])
+    sdp: float = Field(description="Bound by semidefinite programming.", examples=[1.0003])
+    agree: bool = Field(description="Whether they are within 1e-5.", examples=[True])
 
 
 class RobustnessResult(IdentifiedResult, ResultModel):
@@ -172,6 +188,12 @@ class RobustnessResult(IdentifiedResult, ResultModel):
     lower_bound: Peak | None = Field(
         description="Lower bound of the robust performance peak.", examples=[PEAK_EXAMPLE]
     )
+    cross_check: CrossCheck | None = Field(
+        default=None,
+        description="The bound at the peak by a second method, where the request asks for it and "
+        "the loops are stable.",
+        examples=[None],
+    )
     worst_case: WorstCase | None = Field(
         description="The perturbation that reaches the lower bound.", examples=[None]
     )
@@ -200,16 +222,23 @@ def compute(request: RobustnessRequest) -> dict[str, Any]:
     from solver.robustness.analysis import analyse
 
     task = request.build()
-    document: dict[str, Any] = encode(
-        analyse(
-            task.plant,
-            task.uncertainty,
-            task.performance,
-            task.loops,
-            task.omega,
-            certificate=task.certificate,
-        )
+    found = analyse(
+        task.plant,
+        task.uncertainty,
+        task.performance,
+        task.loops,
+        task.omega,
+        certificate=task.certificate,
     )
+    document: dict[str, Any] = encode(found)
+    if request.method == "sdp" and found.peaks is not None:
+        from solver.model.blocks import group_loops
+        from solver.robustness.cross_check import cross_check
+        from solver.robustness.curves import LoopAnalysis
+
+        loops = group_loops(task.plant, task.loops, task.uncertainty.structure)
+        analysis = LoopAnalysis(*loops, task.uncertainty, task.performance)
+        document["cross_check"] = encode(cross_check(analysis, found.peaks.robust_performance))
     return document
 
 
@@ -224,6 +253,13 @@ def table(result: RobustnessResult) -> list[Part]:
     if result.lower_bound is not None:
         bound = number(result.lower_bound.value)
         parts.append(Line(f"A plant in the set reaches {bound}: the lower bound of that peak."))
+    if result.cross_check is not None:
+        both = result.cross_check
+        text = (
+            f"The peak is {both.kernel:.7g} by the kernel, {both.sdp:.7g} by semidefinite programs"
+        )
+        says = "they agree" if both.agree else "they DISAGREE"
+        parts.append(Line(f"{text}: {says}.", "plain" if both.agree else "alarm"))
     if result.uncertainty_scaling is not None:
         factor = number(result.uncertainty_scaling)
         parts.append(Line(f"All plants stay stable up to {factor} times the uncertainty."))

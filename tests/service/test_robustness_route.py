@@ -86,3 +86,14 @@ def test_fault_is_named_by_its_pointer(
     response = client.post(PATH, json=altered(ROBUSTNESS, pointer, value))
     assert response.status_code == 422
     assert response.json()["errors"][0]["pointer"] == blamed
+
+
+def test_second_method_gives_its_own_bound(client: httpx.Client) -> None:
+    """method: sdp adds the bound at the peak by semidefinite programming."""
+    answer = client.post(PATH, json={**ROBUSTNESS, "method": "sdp"}).json()
+    result = RobustnessResult.model_validate(answer)
+    assert result.peaks is not None
+    assert result.cross_check is not None
+    assert result.cross_check.agree
+    assert result.cross_check.sdp == pytest.approx(result.peaks.robust_performance.value, rel=1e-5)
+    assert client.post(PATH, json=ROBUSTNESS).json().get("cross_check") is None

@@ -1,0 +1,94 @@
+"""The bound at the peak, recomputed by semidefinite programming.
+
+The same D-scaling bound of the same N_RP (Skogestad, Lundstrom and Hovd 1989, eq. 31), by another
+method and other code than the kernel: cvxpy and Clarabel (`solver.mu.sdp`). Both are recomputed
+from the scales that they return, so both are bounds; near each other they speak for each other.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from solver.model.errors import InvalidInputError
+from solver.mu.sdp import upper_bound
+from solver.mu.structure import BlockStructure
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from solver.model.blocks import LoopBlocks
+    from solver.model.peaks import Peak
+    from solver.robustness.curves import LoopAnalysis
+
+__all__ = ["MAX_CHANNELS", "CrossCheck", "cross_check"]
+
+MAX_CHANNELS = 20  # of all blocks together: some seconds; the program grows with its sixth power
+AGREEMENT = 1e-5  # relative; the kernel's last digits are beyond what a program is solved to
+
+
+@dataclass(frozen=True)
+class CrossCheck:
+    """Two upper bounds of mu of robust performance at one frequency.
+
+    Attributes
+    ----------
+    omega : float
+        Where the kernel found the peak, rad per time unit.
+    kernel, sdp : float
+        The bounds there, by the kernel and by semidefinite programming.
+    agree : bool
+        Whether they are within 1e-5 of each other.
+
+    """
+
+    omega: float
+    kernel: float
+    sdp: float
+    agree: bool
+
+
+def cross_check(analysis: LoopAnalysis, peak: Peak) -> CrossCheck:
+    """Return the bound at the peak of robust performance by both methods.
+
+    Parameters
+    ----------
+    analysis : LoopAnalysis
+        The loop.
+    peak : Peak
+        Its peak of robust performance.
+
+    Raises
+    ------
+    InvalidInputError
+        Too many different loops for a semidefinite program.
+
+    """
+    channels = sum(block.size for block in analysis.blocks.blocks)
+    if channels > MAX_CHANNELS:
+        message = f"the check by semidefinite programming is for up to {MAX_CHANNELS} channels"
+        raise InvalidInputError(message, "/method")
+    omega = np.array([peak.omega])
+    N, structure = _stacked(analysis.blocks, [N[0] for N in analysis.matrices(omega)])
+    sdp = float(upper_bound(N[None], structure).mu[0])
+    kernel = float(analysis.robust_performance(omega)[0])
+    agree = abs(sdp - kernel) <= AGREEMENT * kernel
+    return CrossCheck(peak.omega, kernel, sdp, agree)
+
+
+def _stacked(
+    blocks: LoopBlocks, matrices: list[NDArray[np.complex128]]
+) -> tuple[NDArray[np.complex128], BlockStructure]:
+    """Return all blocks as one matrix, uncertain channels first; they share their scales."""
+    sizes = [block.size for block in blocks.blocks]
+    total = sum(sizes)
+    N = np.zeros((2 * total, 2 * total), dtype=complex)
+    first = 0
+    for size, matrix in zip(sizes, matrices, strict=True):
+        own = np.arange(first, first + size)
+        place = np.concatenate([own, total + own])
+        N[np.ix_(place, place)] = matrix
+        first += size
+    return N, BlockStructure(tuple(s for block in blocks.blocks for s in block.scales), total)
