@@ -6,10 +6,13 @@ import os
 import sys
 from pathlib import Path
 
-from pydantic import Field
+from pydantic import Field, model_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 __all__ = ["Configuration"]
+
+
+_TLS_PAIR = ("tls_cert_file", "tls_key_file")
 
 
 def _default_data_dir() -> Path:
@@ -39,6 +42,13 @@ class Configuration(BaseSettings):
         default=None,
         description="Address of a Dask scheduler; unset: local worker processes.",
     )
+    tls_ca_file: Path | None = Field(
+        default=None, description="Certificate authority of scheduler, workers and service, PEM."
+    )
+    tls_cert_file: Path | None = Field(
+        default=None, description="Certificate among scheduler, workers and service, PEM."
+    )
+    tls_key_file: Path | None = Field(default=None, description="Key of that certificate, PEM.")
     workers: int = Field(
         default_factory=lambda: os.cpu_count() or 1,
         ge=1,
@@ -49,6 +59,11 @@ class Configuration(BaseSettings):
     )
     analysis_time_limit: float = Field(
         default=30.0, gt=0, description="Longest analysis within the request, seconds."
+    )
+    analysis_memory: int = Field(
+        default=700_000_000,
+        ge=200_000_000,  # what the libraries of the solver take before anything is computed
+        description="Memory that the process of an analysis may take, bytes.",
     )
     max_body_bytes: int = Field(
         default=1_000_000, ge=1, description="Largest request body, batches excepted."
@@ -84,6 +99,21 @@ class Configuration(BaseSettings):
     max_attempts: int = Field(
         default=3, ge=1, description="Workers that a job may lose before it counts as failed."
     )
+
+    @model_validator(mode="after")
+    def _complete(self) -> Configuration:
+        """Refuse a part of the files that TLS needs."""
+        files = {name: getattr(self, name) for name in ("tls_ca_file", *_TLS_PAIR)}
+        missing = [name for name, path in files.items() if path is None]
+        if missing and len(missing) < len(files):
+            names = ", ".join(f"MUTUNE_{name.upper()}" for name in missing)
+            message = f"set {names} too: TLS needs all three files"
+            raise ValueError(message)
+        for name, path in files.items():
+            if path is not None and not path.is_file():
+                message = f"MUTUNE_{name.upper()}: there is no file {path}"
+                raise ValueError(message)
+        return self
 
     @property
     def url(self) -> str:

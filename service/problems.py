@@ -13,6 +13,7 @@ from solver.model.errors import InvalidInputError, UnsupportedPlantError
 __all__ = [
     "KINDS",
     "MEDIA_TYPE",
+    "AnalysisMemoryError",
     "AnalysisTimeoutError",
     "BodyTooLargeError",
     "CancelledError",
@@ -146,6 +147,10 @@ class AnalysisTimeoutError(ProblemError):
     """An analysis exceeded its time limit."""
 
 
+class AnalysisMemoryError(ProblemError):
+    """An analysis needs more memory than the service gives it."""
+
+
 class CancelledError(ProblemError):
     """An item of a batch was cancelled."""
 
@@ -188,6 +193,7 @@ KINDS: dict[type[Exception], Kind] = {
     MethodError: Kind(405, "method", "The resource does not have this method"),
     ConflictError: Kind(409, "conflict", "Conflict"),
     AnalysisTimeoutError: Kind(503, "analysis-timeout", "The analysis took too long"),
+    AnalysisMemoryError: Kind(503, "analysis-memory", "The analysis needs too much memory"),
     CancelledError: Kind(409, "cancelled", "The tuning was cancelled"),
     TimeLimitError: Kind(503, "time-limit", "The time limit is over"),
     WorkerDiedError: Kind(500, "worker-died", "The job kills its worker"),

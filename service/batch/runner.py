@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 
 from service.batch.request_lines import Item
 from service.configuration import Configuration
+from service.jobs import encryption
 from service.jobs.engine import Engine, EngineLostError, WorkerLostError
 from service.jobs.records import JobStatus, Outcome
 from service.problems import UnavailableError, describe
@@ -78,7 +79,12 @@ class Run:
         if not self._left:
             return
         configuration = Configuration()
-        engine = Engine(scheduler, configuration.workers, self._wake.set)
+        engine = Engine(
+            scheduler,
+            configuration.workers,
+            self._wake.set,
+            encryption.for_cluster(configuration),
+        )
         await engine.start()
         try:
             alone = 0.0  # seconds without any worker

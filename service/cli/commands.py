@@ -277,7 +277,13 @@ def serve(
 
 
 @app.command()
-def worker(*, scheduler: Scheduler = None) -> None:
+def worker(
+    *,
+    scheduler: Scheduler = None,
+    host: Annotated[
+        str | None, typer.Option(help="Address to listen on. Default: that which it is reached by.")
+    ] = None,
+) -> None:
     """Compute for a Dask scheduler.
 
     On MUTUNE_WORKERS processes, by default one a core; until stopped.
@@ -285,7 +291,22 @@ def worker(*, scheduler: Scheduler = None) -> None:
     _begin_processes()
     from service.cli.worker import work  # noqa: PLC0415 - heavy
 
-    raise typer.Exit(work(scheduler))
+    raise typer.Exit(work(scheduler, host))
+
+
+@app.command()
+def scheduler(
+    *,
+    host: Annotated[str, typer.Option(help="Address to listen on.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(min=1, max=65535, help="Port to listen on.")] = 8786,
+    insecure: Annotated[
+        bool, typer.Option("--insecure", help="Listen beyond this machine without certificates.")
+    ] = False,
+) -> None:
+    """Bring workers and services together."""
+    from service.cli.worker import schedule  # noqa: PLC0415 - heavy
+
+    raise typer.Exit(schedule(host, port, insecure=insecure))
 
 
 keys = typer.Typer(help="API keys, in the file named by MUTUNE_API_KEYS_FILE.")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ipaddress
 import sys
 import traceback
 from collections.abc import Callable
@@ -13,7 +14,7 @@ from typing import ParamSpec
 from service.schemas import Fault, RequestError, TuningResult
 from solver.model.errors import InvalidInputError
 
-__all__ = ["ExitCode", "exit_code_of", "read_input", "reported", "say"]
+__all__ = ["ExitCode", "exit_code_of", "is_loopback", "read_input", "reported", "say"]
 
 _Parameters = ParamSpec("_Parameters")
 
@@ -43,6 +44,16 @@ def exit_code_of(result: TuningResult) -> ExitCode:
 def say(message: str) -> None:
     """Print one line on standard error."""
     print(message, file=sys.stderr)  # noqa: T201 - the one place where commands talk to people
+
+
+def is_loopback(host: str) -> bool:
+    """Whether only this machine reaches `host`."""
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
 
 
 def read_input(path: Path) -> bytes:

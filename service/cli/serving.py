@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import gc
-import ipaddress
 import socket
 import sys
 
@@ -12,7 +11,7 @@ import uvicorn
 from fastapi import FastAPI
 
 from service import logs
-from service.cli.outcomes import ExitCode, reported, say
+from service.cli.outcomes import ExitCode, is_loopback, reported, say
 from service.configuration import Configuration
 from service.http.app import create_app
 
@@ -73,7 +72,7 @@ def serve(host: str, port: int, *, insecure: bool = False) -> ExitCode:
 
     """
     configuration = Configuration()
-    if configuration.api_keys_file is None and not insecure and not _is_loopback(host):
+    if configuration.api_keys_file is None and not insecure and not is_loopback(host):
         say(
             f"error: {host} is open to others and no API keys are set. Create some (mutune keys "
             "create) and set MUTUNE_API_KEYS_FILE, or pass --insecure."
@@ -85,13 +84,3 @@ def serve(host: str, port: int, *, insecure: bool = False) -> ExitCode:
     with contextlib.suppress(KeyboardInterrupt):  # uvicorn raises it again once it has shut down
         server.run()
     return ExitCode.DONE if server.started else ExitCode.FAILED
-
-
-def _is_loopback(host: str) -> bool:
-    """Whether only this machine reaches `host`."""
-    if host == "localhost":
-        return True
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False

@@ -20,7 +20,7 @@ from service.http.metrics import Metrics
 from service.http.middleware import Compressed, Observed, SecurityHeaders
 from service.http.routes import analyses, batches, examples, figures, health, page, tunings
 from service.http.routes.common import problems
-from service.jobs import database
+from service.jobs import database, encryption
 from service.jobs.dispatcher import Dispatcher
 from service.jobs.engine import Engine
 from service.jobs.leadership import lead
@@ -127,13 +127,22 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
         store = app.state.store = Store(transactions, configuration.max_queued)
         queue = Queue(transactions)
         watcher = app.state.watcher = Watcher(store)
-        app.state.pool = Pool(configuration.analysis_processes, configuration.analysis_time_limit)
+        app.state.pool = Pool(
+            configuration.analysis_processes,
+            time_limit=configuration.analysis_time_limit,
+            memory_limit=configuration.analysis_memory,
+        )
         stack.push_async_callback(app.state.pool.close)
 
         def wake() -> None:
             app.state.dispatcher.wake()
 
-        engine = app.state.engine = Engine(configuration.scheduler, configuration.workers, wake)
+        engine = app.state.engine = Engine(
+            configuration.scheduler,
+            configuration.workers,
+            wake,
+            encryption.for_cluster(configuration),
+        )
         dispatcher = app.state.dispatcher = Dispatcher(
             queue, engine, configuration.max_attempts, watcher, app.state.metrics.observe_job
         )

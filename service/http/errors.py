@@ -8,6 +8,7 @@ import re
 from fastapi import FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
 from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect
 
 from service.jobs.transactions import StoreUnavailableError
 from service.problems import (
@@ -42,6 +43,12 @@ def install(app: FastAPI) -> None:
         Exception,
     ):
         app.add_exception_handler(kind, _to_response)
+    app.add_exception_handler(ClientDisconnect, _to_nobody)
+
+
+async def _to_nobody(_request: Request, _error: Exception) -> Response:
+    """Answer a caller who has left: for the log, with the status that nginx gives it."""
+    return Response(status_code=499)
 
 
 async def _to_response(request: Request, error: Exception) -> Response:

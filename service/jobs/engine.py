@@ -19,10 +19,10 @@ from dataclasses import dataclass, field
 from importlib.metadata import version
 from typing import Any
 
-from distributed import Actor, Client, Future, KilledWorker, LocalCluster, Nanny
+from distributed import Actor, Client, Future, KilledWorker, LocalCluster, Nanny, Security
 from distributed.comm import CommClosedError
 
-from service.jobs import processes
+from service.jobs import encryption, processes
 from service.jobs.records import JobStatus, Outcome
 from service.jobs.work import TOPIC, TuningActor
 from service.problems import TimeLimitError, describe
@@ -82,11 +82,21 @@ class Engine:
         Number of those.
     on_idle : callable
         Called when a worker has become idle.
+    security : Security or None
+        Certificate to show to `scheduler` and its workers; None: they speak openly. Processes of
+        this machine always have a certificate of their own.
 
     """
 
-    def __init__(self, scheduler: str | None, workers: int, on_idle: Callable[[], None]) -> None:
+    def __init__(
+        self,
+        scheduler: str | None,
+        workers: int,
+        on_idle: Callable[[], None],
+        security: Security | None,
+    ) -> None:
         self._address = scheduler
+        self._security = security
         self._workers = workers
         self._on_idle = on_idle
         self._cluster: LocalCluster | None = None
@@ -217,6 +227,9 @@ class Engine:
             except (CommClosedError, OSError, RuntimeError) as error:
                 logger.warning("no connection to the scheduler: %s", error)
                 await self._disconnect()
+            except Exception:  # or the service would stay without workers, and say nothing
+                logger.exception("the engine failed; it tries again")
+                await self._disconnect()
             with contextlib.suppress(TimeoutError):
                 async with asyncio.timeout(_POLL):
                     await self._closing.wait()
@@ -226,7 +239,12 @@ class Engine:
             self._cluster = await _local_cluster(self._workers)
         target = self._cluster or self._address
         client: Client = await Client(
-            target, asynchronous=True, set_as_default=False, direct_to_workers=True, timeout=5
+            target,
+            asynchronous=True,
+            set_as_default=False,
+            direct_to_workers=True,
+            timeout=5,
+            security=self._security if self._cluster is None else self._cluster.security,
         )
         client.subscribe_topic(TOPIC, self._on_event)
         return client
@@ -300,12 +318,15 @@ async def _solve(actor: Actor, call: str, request: str) -> Outcome:
 async def _local_cluster(workers: int) -> LocalCluster:
     """Return running processes of one thread each."""
     processes.prepare()
+    security = await asyncio.to_thread(encryption.for_this_machine)  # a tenth of a second
     cluster: LocalCluster = await LocalCluster(
         n_workers=workers,
         threads_per_worker=1,
         processes=True,
         asynchronous=True,
         host="127.0.0.1",
+        protocol=encryption.protocol(security),
+        security=security,
         dashboard_address="127.0.0.1:0",
         scheduler_kwargs={"dashboard": False},
     )

@@ -25,8 +25,10 @@ _QUIET = {
     "distributed.admin.system-monitor.log-length": 10,
     "distributed.admin.tick.interval": "1s",
     "distributed.client.scheduler-info-interval": "1m",
+    "distributed.scheduler.http.routes": [],  # pages in the clear, for whoever finds the port
     "distributed.scheduler.active-memory-manager.start": False,
     "distributed.scheduler.work-stealing": False,
+    "distributed.worker.http.routes": [],
     "distributed.worker.memory.monitor-interval": "1s",
     "distributed.worker.profile.enabled": False,
 }

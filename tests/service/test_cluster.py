@@ -11,8 +11,9 @@ from pathlib import Path
 import httpx
 import postgres
 import pytest
+from certificates import certificates
 from fake_tune import SLOW
-from real import DASK, MUTUNE, Process, Service, free_port, until
+from real import MUTUNE, Process, Service, free_port, until
 from samples import tuning
 from serving import served
 
@@ -35,9 +36,8 @@ def test_workers_and_scheduler_come_and_go_while_a_batch_runs(
     address = f"tcp://127.0.0.1:{free_port()}"
 
     def scheduler() -> Process:
-        port = address.rpartition(":")[2]
-        command = (DASK, "scheduler", "--host", "127.0.0.1", "--port", port, "--no-dashboard")
-        process = Process(tmp_path / "scheduler.log", *command, "--dashboard-address", ":0")
+        command = (MUTUNE, "scheduler", "--port", address.rpartition(":")[2])
+        process = Process(tmp_path / "scheduler.log", *command)
         stack.callback(process.end)
         return process
 
@@ -72,7 +72,7 @@ def test_workers_and_scheduler_come_and_go_while_a_batch_runs(
 
 
 def test_worker_on_another_host_computes(stack: ExitStack, tmp_path: Path) -> None:
-    """A worker that shares nothing but the network with scheduler and service takes jobs.
+    """A worker that shares nothing but network and certificates with the others takes jobs.
 
     The other host is a network namespace behind a pair of interfaces.
     """
@@ -87,14 +87,16 @@ def test_worker_on_another_host_computes(stack: ExitStack, tmp_path: Path) -> No
     assert _ip(*inside, "address", "add", f"{subnet}.2/24", "dev", "eth0")
     assert _ip(*inside, "link", "set", "eth0", "up")
     port = str(free_port())
-    command = (DASK, "scheduler", "--host", f"{subnet}.1", "--port", port, "--no-dashboard")
-    scheduler = Process(tmp_path / "scheduler.log", *command, "--dashboard-address", ":0")
+    encrypted = certificates(tmp_path)
+    command = (MUTUNE, "scheduler", "--host", f"{subnet}.1", "--port", port)
+    scheduler = Process(tmp_path / "scheduler.log", *command, **encrypted)
     stack.callback(scheduler.end)
-    address = f"tcp://{subnet}.1:{port}"
+    address = f"tls://{subnet}.1:{port}"
     elsewhere = ("ip", "netns", "exec", name, MUTUNE, "worker", "--scheduler", address)
-    worker = Process(tmp_path / "worker.log", *elsewhere, MUTUNE_WORKERS="1")
+    elsewhere += ("--host", f"{subnet}.2")
+    worker = Process(tmp_path / "worker.log", *elsewhere, MUTUNE_WORKERS="1", **encrypted)
     stack.callback(worker.end)
-    service = Service(tmp_path, MUTUNE_SCHEDULER=address)
+    service = Service(tmp_path, MUTUNE_SCHEDULER=address, **encrypted)
     stack.callback(service.end)
     until(service.is_ready, "the worker")
     request = tuning(SLOW, starts=5)

@@ -11,7 +11,12 @@ from typing import Any
 import pytest
 
 from service.jobs.pool import Pool, to_json
-from service.problems import AnalysisTimeoutError, NumbersError, UnavailableError
+from service.problems import (
+    AnalysisMemoryError,
+    AnalysisTimeoutError,
+    NumbersError,
+    UnavailableError,
+)
 
 
 def doubled(number: float) -> dict[str, Any]:
@@ -31,6 +36,16 @@ def dying() -> dict[str, Any]:
     os._exit(1)
 
 
+def greedy() -> dict[str, Any]:
+    blocks = [b"x" * 10_000_000 for _ in range(500)]
+    return {"bytes": sum(map(len, blocks))}
+
+
+def slow(seconds: float) -> dict[str, Any]:
+    time.sleep(seconds)
+    return {"slept": seconds}
+
+
 def test_numbers_out_of_range_are_the_fault_of_the_request() -> None:
     """An overflow is a problem with a name; infinity or NaN never become text."""
     with pytest.raises(NumbersError):
@@ -43,15 +58,17 @@ def test_what_hangs_or_dies_is_replaced() -> None:
     """The next computation of the same pool of one has its result, from another process."""
 
     async def run() -> list[dict[str, Any]]:
-        pool = Pool(1, 300.0)  # the kernels may have to be compiled first
-        hasty = Pool(1, 0.5)
+        pool = Pool(
+            1, time_limit=300.0, memory_limit=10**9
+        )  # the kernels may have to be compiled first
+        hasty = Pool(1, time_limit=0.5, memory_limit=10**9)
         try:
-            found = [json.loads(await pool.run(doubled, 2.0))]
+            found = [json.loads(await pool.run("", doubled, 2.0))]
             with pytest.raises(UnavailableError):
-                await pool.run(dying)
-            found.append(json.loads(await pool.run(doubled, 3.0)))
+                await pool.run("", dying)
+            found.append(json.loads(await pool.run("", doubled, 3.0)))
             with pytest.raises(AnalysisTimeoutError):
-                await hasty.run(endless)
+                await hasty.run("", endless)
         finally:
             await pool.close()
             await hasty.close()
@@ -61,3 +78,62 @@ def test_what_hangs_or_dies_is_replaced() -> None:
     assert (first["doubled"], second["doubled"]) == (4.0, 6.0)
     assert first["process"] != second["process"]
     assert os.getpid() not in {first["process"], second["process"]}
+
+
+def test_what_takes_too_much_memory_is_ended_and_says_so() -> None:
+    """It is killed long before it has what it wants; the next computation has its result."""
+
+    async def run() -> bytes:
+        pool = Pool(1, time_limit=300.0, memory_limit=800_000_000)
+        try:
+            await pool.run("", doubled, 1.0)  # the process is there
+            with pytest.raises(AnalysisMemoryError, match="800 MB"):
+                await pool.run("", greedy)
+            return await pool.run("", doubled, 2.0)
+        finally:
+            await pool.close()
+
+    assert json.loads(asyncio.run(run()))["doubled"] == 4.0
+
+
+def test_who_asks_for_little_does_not_wait_for_those_who_ask_for_much() -> None:
+    """Behind three computations of eight seconds, a short one takes about three; all end well."""
+
+    async def run() -> tuple[list[str], list[dict[str, Any]]]:
+        pool = Pool(1, time_limit=300.0, memory_limit=10**9)
+        ended: list[str] = []
+
+        async def ask(name: str, seconds: float) -> dict[str, Any]:
+            found: dict[str, Any] = json.loads(await pool.run("", slow, seconds))
+            ended.append(name)
+            return found
+
+        try:
+            await pool.run("", doubled, 1.0)
+            asking = [ask(f"long {number}", 8.0) for number in range(3)]
+            return ended, await asyncio.gather(*asking, ask("short", 0.01))
+        finally:
+            await pool.close()
+
+    ended, found = asyncio.run(run())
+    assert ended[0] == "short"
+    assert [each["slept"] for each in found] == [8.0, 8.0, 8.0, 0.01]
+
+
+def test_computation_that_nobody_waits_for_ends() -> None:
+    """Cancelled in either lane, it leaves its process to the next one."""
+
+    async def run() -> bytes:
+        pool = Pool(1, time_limit=300.0, memory_limit=10**9)
+        try:
+            await pool.run("", doubled, 1.0)
+            for patience in (0.2, 2.0):
+                leaving = asyncio.create_task(pool.run("", endless))
+                await asyncio.sleep(patience)
+                leaving.cancel()
+                await asyncio.gather(leaving, return_exceptions=True)
+            return await pool.run("", doubled, 2.0)
+        finally:
+            await pool.close()
+
+    assert json.loads(asyncio.run(run()))["doubled"] == 4.0

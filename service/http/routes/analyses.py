@@ -14,6 +14,7 @@ from service.http.routes.common import (
     BODY_PROBLEMS,
     FIGURES,
     Unit,
+    computed,
     described,
     json_response,
     problems,
@@ -36,7 +37,7 @@ def _add(analysis: Analysis[Any, Any]) -> None:
                 await asyncio.to_thread(to_json, compute, (analysis.compute, body), {})
             )
         body.build()  # bad input is refused here, not in the process that computes
-        return json_response(await request.app.state.pool.run(compute, analysis.compute, body))
+        return json_response(await computed(request, compute, analysis.compute, body))
 
     router.add_api_route(
         analysis.path,
@@ -59,7 +60,7 @@ def add_figures(router: APIRouter, resource: str, figures: Figures[Any]) -> None
 
     async def post(request: Request, unit: Unit = TIME_UNIT) -> Response:
         body = await bodies.read(request, figures.drawn)
-        return json_response(await request.app.state.pool.run(figures.draw, body, unit))
+        return json_response(await computed(request, figures.draw, body, unit))
 
     router.add_api_route(
         f"/v1/figures/{resource}",

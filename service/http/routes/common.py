@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+import asyncio
+from collections.abc import Callable
+from typing import Annotated, Any, ParamSpec
 
-from fastapi import Query, Response
+from fastapi import Query, Request, Response
 from pydantic import BaseModel
+from starlette.requests import ClientDisconnect
 
+from service.http.access import owner
+from service.jobs.pool import Pool
 from service.problems import MEDIA_TYPE, Problem
 from service.schemas.figures import FiguresResult
 
-__all__ = ["BODY_PROBLEMS", "FIGURES", "Unit", "described", "json_response", "problems"]
+__all__ = ["BODY_PROBLEMS", "FIGURES", "Unit", "computed", "described", "json_response", "problems"]
 
+
+_P = ParamSpec("_P")
 
 _REASONS = {
     400: "The body is not JSON.",
@@ -62,6 +69,37 @@ def json_response(
 ) -> Response:
     """Return a response with JSON text."""
     return Response(content, status, headers, media_type="application/json")
+
+
+async def computed(
+    request: Request, compute: Callable[_P, dict[str, Any]], *args: _P.args, **kwargs: _P.kwargs
+) -> bytes:
+    """Return what `Pool.run` returns, as long as the caller waits for it.
+
+    Raises
+    ------
+    ClientDisconnect
+        The caller has left; the computation has ended.
+
+    """
+    pool: Pool = request.app.state.pool
+    computing = asyncio.ensure_future(pool.run(owner(request), compute, *args, **kwargs))
+    leaving = asyncio.ensure_future(_left(request))
+    try:
+        await asyncio.wait({computing, leaving}, return_when=asyncio.FIRST_COMPLETED)
+        if not computing.done():
+            raise ClientDisconnect
+        return await computing
+    finally:
+        computing.cancel()
+        leaving.cancel()
+        await asyncio.gather(computing, leaving, return_exceptions=True)
+
+
+async def _left(request: Request) -> None:
+    """Return when the caller has closed the connection."""
+    while (await request.receive())["type"] != "http.disconnect":
+        pass
 
 
 FIGURES = described(FiguresResult, "The figures.")

@@ -11,7 +11,7 @@ from fastapi.responses import HTMLResponse
 from service import drawing
 from service.analysis import Figures
 from service.http.routes.analyses import add_figures
-from service.http.routes.common import FIGURES, Unit, json_response, problems
+from service.http.routes.common import FIGURES, Unit, computed, json_response, problems
 from service.http.routes.tunings import JobId, find_job
 from service.jobs.records import Job
 from service.problems import ConflictError
@@ -31,8 +31,8 @@ router = APIRouter()
 )
 async def get_figures(request: Request, job_id: JobId, unit: Unit = TIME_UNIT) -> Response:
     """Return everything that the result of a tuning has to show."""
-    job = await finished(request, job_id)
-    drawn = await request.app.state.pool.run(drawing.tuning, job.request, job.result, unit)
+    job, result = await finished(request, job_id)
+    drawn = await computed(request, drawing.tuning, job.request, result, unit)
     return json_response(drawn)
 
 
@@ -51,8 +51,8 @@ async def get_figures(request: Request, job_id: JobId, unit: Unit = TIME_UNIT) -
 )
 async def get_report(request: Request, job_id: JobId, unit: Unit = TIME_UNIT) -> Response:
     """Return inputs, settings, figures and proof of a tuning, to print, sign and file."""
-    job = await finished(request, job_id)
-    drawn = await request.app.state.pool.run(drawing.report, job.request, job.result, unit, job.id)
+    job, result = await finished(request, job_id)
+    drawn = await computed(request, drawing.report, job.request, result, unit, job.id)
     document = await asyncio.to_thread(json.loads, drawn)
     return HTMLResponse(
         document["html"],
@@ -63,8 +63,8 @@ async def get_report(request: Request, job_id: JobId, unit: Unit = TIME_UNIT) ->
     )
 
 
-async def finished(request: Request, job_id: str) -> Job:
-    """Return a job that has a result.
+async def finished(request: Request, job_id: str) -> tuple[Job, str]:
+    """Return a job that has a result, and that result.
 
     Raises
     ------
@@ -76,7 +76,7 @@ async def finished(request: Request, job_id: str) -> Job:
     if job.result is None:
         message = f"The tuning is {job.snapshot.status.replace('_', ' ')} and has no result."
         raise ConflictError(message)
-    return job
+    return job, job.result
 
 
 add_figures(router, "trade-offs", Figures(of="a trade-off", drawn=TradeOff, draw=drawing.trade_off))
