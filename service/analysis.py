@@ -41,6 +41,11 @@ class Figures(Generic[_Drawn]):
     draw: Callable[[_Drawn, str], dict[str, Any]]
 
 
+def _never(request: AnalysisRequest) -> bool:
+    del request
+    return False
+
+
 @dataclass(frozen=True, kw_only=True)
 class Analysis(Generic[_Request, _Result]):
     """An analysis whose result comes with the response to its request.
@@ -68,9 +73,9 @@ class Analysis(Generic[_Request, _Result]):
         From result to what people read in a terminal.
     figures : Figures or None
         Its figures, where it has any.
-    immediate : bool
-        Computed by the process that reads the request: arithmetic on a few numbers, which should
-        not wait behind others.
+    immediate : callable
+        From request to whether it is computed by the process that reads it: arithmetic on a few
+        numbers, which should not wait behind others.
 
     """
 
@@ -84,7 +89,7 @@ class Analysis(Generic[_Request, _Result]):
     computes_with: tuple[str, ...] = ()
     table: Callable[[_Result], Sequence[Part]]
     figures: Figures[Any] | None = None
-    immediate: bool = False
+    immediate: Callable[[_Request], bool] = _never
 
     @property
     def summary(self) -> str:

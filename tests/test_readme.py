@@ -13,7 +13,7 @@ from readme import README, blocks, rows
 from touring import ROOT
 
 from service.analyses.robustness import RobustnessRequest
-from service.cli import app
+from service.cli.commands import app
 from service.client import Client
 from service.schemas import TuningRequest, TuningResult
 from service.schemas.controllers import ControllerChoice

@@ -20,7 +20,7 @@ from service.cli.arguments import (
     TableFormatOption,
 )
 
-__all__ = ["app", "main"]
+__all__ = ["app"]
 
 
 class Order(StrEnum):
@@ -35,7 +35,10 @@ class Order(StrEnum):
 app = typer.Typer(
     name="mutune",
     help="Robust PI and PID settings for parallel units that disturb each other.",
-    epilog="Exit codes: 0 done, 2 bad input, 3 infeasible, 4 time limit, 130 interrupted.",
+    epilog=(
+        "Exit codes: 0 done, 1 a fault of mutune, 2 bad input or setting, 3 infeasible, "
+        "4 time limit, 5 the service could not start, 130 interrupted."
+    ),
     no_args_is_help=True,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
@@ -52,8 +55,10 @@ def _version(wanted: bool) -> None:  # noqa: FBT001 - typer's form of a callback
 
 def _begin_processes() -> None:
     """Let the processes that will compute do their imports while this one does its own."""
+    from service.cli.interruption import raise_again  # noqa: PLC0415 - beside the next one
     from service.jobs import forking  # noqa: PLC0415 - only where processes are needed
 
+    raise_again()
     forking.start()
 
 
@@ -249,6 +254,48 @@ for _module in registry.names():
 
 
 @app.command()
+def controllers(*, as_json: AsJson = False) -> None:
+    """List the control systems that controller-forms knows."""
+    from service.cli.starting import list_controllers  # noqa: PLC0415 - heavy
+
+    raise typer.Exit(list_controllers(as_json=as_json))
+
+
+@app.command()
+def examples(
+    name: Annotated[
+        str | None, typer.Argument(help="Which one to print; without it they are listed.")
+    ] = None,
+) -> None:
+    """List the example requests, or print one to start from."""
+    from service.cli.starting import print_example  # noqa: PLC0415 - heavy
+
+    raise typer.Exit(print_example(name))
+
+
+@app.command()
+def schema(
+    command: Annotated[str, typer.Argument(metavar="COMMAND", help="tune, robustness, ...")],
+) -> None:
+    """Print the JSON schema of what FILE.json of a command holds."""
+    from service.cli.starting import print_schema  # noqa: PLC0415 - heavy
+
+    raise typer.Exit(print_schema(command))
+
+
+@app.command()
+def init(
+    path: Annotated[
+        Path, typer.Argument(metavar="FILE.json", help="Request to write; must not be there.")
+    ] = Path("request.json"),
+) -> None:
+    """Ask about the plant and write a tuning request."""
+    from service.cli.asking import write_request  # noqa: PLC0415 - heavy
+
+    raise typer.Exit(write_request(path))
+
+
+@app.command()
 def verify(
     certificate: Annotated[
         Path, typer.Argument(metavar="CERTIFICATE.json", help="Certificate; - reads stdin.")
@@ -339,8 +386,3 @@ def revoke_key(key_id: Annotated[str, typer.Argument(help="First column of the l
     from service.cli.keys import revoke  # noqa: PLC0415 - heavy
 
     raise typer.Exit(revoke(key_id))
-
-
-def main() -> None:
-    """Run the command line."""
-    app()

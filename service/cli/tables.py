@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Literal
 
 from service.printing import (
     CURVES,
@@ -23,9 +24,11 @@ __all__ = ["side_by_side", "tuning_table"]
 _OPTIMA = 5  # local optima worth a line; all of them are in the JSON result
 
 
-def tuning_table(result: TuningResult) -> list[Part]:
-    """Return a tuning as lines and grids."""
-    parts: list[Part] = [Line(_headline(result), "strong")]
+def tuning_table(result: TuningResult, *, interrupted: bool = False) -> list[Part]:
+    """Return a tuning as lines and grids; `interrupted`: it was not time that ended it."""
+    good = result.status in {"optimal", "local"} and result.demand_met is not False
+    style: Literal["strong", "alarm"] = "strong" if good else "alarm"
+    parts: list[Part] = [Line(_headline(result, interrupted=interrupted), style)]
     if result.loops:
         parts.append(Line())
         parts += form_parts(
@@ -85,14 +88,14 @@ def _setting(result: TuningResult, index: int, name: str) -> float | None:
     return value
 
 
-def _headline(result: TuningResult) -> str:
+def _headline(result: TuningResult, *, interrupted: bool) -> str:
     if result.status == "infeasible":
         where = "" if result.omega is None else f" (at {number(result.omega)} rad per time unit)"
         return f"Infeasible: {result.reason or 'no settings meet the demand'}{where}"
     ended = {
         "optimal": "Optimal",
         "local": "Local optimum beside the given settings",
-        "time_limit": "Time limit reached; the best so far",
+        "time_limit": f"{'Interrupted' if interrupted else 'Time limit reached'}; the best so far",
     }
     if not result.loops:
         return f"{ended[result.status]}: nothing found yet."

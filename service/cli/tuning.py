@@ -12,13 +12,20 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 import solver.tuning
 import solver.tuning.record
 from service.cli.console import show
-from service.cli.outcomes import ExitCode, exit_code_of, read_input, reported
+from service.cli.interruption import Stopping
+from service.cli.outcomes import ExitCode, exit_code_of, read_input, reported, say
 from service.cli.tables import tuning_table
 from service.schemas import TuningRequest, TuningResult, parse_tuning_request, tuning_to_json
 from service.tuned import Tuned
 from service.wording import number
+from solver.tuning.compiling import Compiling
 
 __all__ = ["tune_file"]
+
+_COMPILING = (
+    "Compiling the numerical kernels, once after an installation: a minute or two that do not "
+    "count against the time limit."
+)
 
 
 @reported
@@ -41,27 +48,31 @@ def tune_file(
     Returns
     -------
     ExitCode
-        As the status of the result says; BAD_INPUT where the request is at fault.
+        As the status of the result says, INTERRUPTED after Ctrl-C; BAD_INPUT where the request is
+        at fault.
 
     """
     request = parse_tuning_request(read_input(path))
     if optimality_gap:
         search = request.search.model_copy(update={"optimality_gap": True})
         request = request.model_copy(update={"search": search})
-    document = _tune(request)
+    with Stopping() as stopping:
+        document = _tune(request, stopping)
     result = TuningResult.model_validate(document)
     if as_json:
+        if stopping.wanted:
+            say("Interrupted; this is the best so far.")
         print(json.dumps(document, allow_nan=False))  # noqa: T201 - the output asked for
     else:
-        show(tuning_table(result))
+        show(tuning_table(result, interrupted=stopping.wanted))
     if report is not None:
         from service.report.document import report_html  # noqa: PLC0415 - imports Plotly
 
         report.write_text(report_html(Tuned(request, result), datetime.now(UTC)), "utf-8")
-    return exit_code_of(result)
+    return ExitCode.INTERRUPTED if stopping.wanted else exit_code_of(result)
 
 
-def _tune(request: TuningRequest) -> dict[str, object]:
+def _tune(request: TuningRequest, stopping: Stopping) -> dict[str, object]:
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
@@ -74,13 +85,17 @@ def _tune(request: TuningRequest) -> dict[str, object]:
     ) as bar:
         task = bar.add_task("Tuning", total=1.0, starts=0, best=number(None))
 
-        def on_progress(progress: solver.tuning.record.Progress) -> None:
+        def on_progress(progress: solver.tuning.record.Progress) -> bool:
+            stopping.has_result = progress.best is not None
             bar.update(
                 task,
                 completed=progress.fraction,
                 starts=f"{progress.starts_done} of {progress.starts}",
                 best=number(progress.best),
             )
+            return stopping.wanted
 
+        compiling = Compiling(lambda: console.print(_COMPILING))
         tuning = solver.tuning.tune(request.build(), on_progress)
+        del compiling
         return tuning_to_json(tuning) | request.identity()

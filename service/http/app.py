@@ -18,7 +18,16 @@ from service.http import docs_page, errors
 from service.http.access import RateLimiter, authenticate
 from service.http.metrics import Metrics
 from service.http.middleware import Compressed, Observed, SecurityHeaders
-from service.http.routes import analyses, batches, examples, figures, health, page, tunings
+from service.http.routes import (
+    analyses,
+    batches,
+    controllers,
+    examples,
+    figures,
+    health,
+    page,
+    tunings,
+)
 from service.http.routes.common import problems
 from service.jobs import database, encryption
 from service.jobs.dispatcher import Dispatcher
@@ -43,13 +52,14 @@ Errors are RFC 9457 problems that name faulty values by JSON pointer.
 _TAGS = [
     {"name": "tunings", "description": "Find loop settings: jobs with progress and result."},
     {"name": "analyses", "description": "Answers within the request."},
+    {"name": "controllers", "description": "What settings can be typed into."},
     {"name": "examples", "description": "Requests to start from."},
     {"name": "operations", "description": "For whoever runs the service."},
 ]
 
 # Resources that need an API key, where the service has keys, and those that never do.
 _FOR_CALLERS = (tunings, batches, analyses, figures)
-_FOR_EVERYBODY = (examples, health, page)
+_FOR_EVERYBODY = (controllers, examples, health, page)
 
 
 def create_app(configuration: Configuration | None = None) -> FastAPI:

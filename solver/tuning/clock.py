@@ -6,6 +6,7 @@ import math
 import time
 from typing import TYPE_CHECKING
 
+from solver.tuning.compiling import Compiling
 from solver.tuning.record import Progress
 
 if TYPE_CHECKING:
@@ -17,7 +18,7 @@ PROGRESS_INTERVAL = 0.1  # seconds
 
 
 class OutOfTimeError(Exception):
-    """The time limit has passed."""
+    """The time limit has passed, or the progress function wants no more."""
 
 
 class Clock:
@@ -26,9 +27,10 @@ class Clock:
     Parameters
     ----------
     limit : float or None
-        Seconds.
+        Seconds; those of compiling, at the first use after an installation, do not count.
     progress : callable or None
-        Takes a `Progress`; what it raises passes through.
+        Takes a `Progress`; what it raises passes through. If it returns True, the tuning ends as
+        if the limit had passed.
     as_objective : callable
         From a search's value s to the objective.
 
@@ -37,10 +39,12 @@ class Clock:
     def __init__(
         self,
         limit: float | None,
-        progress: Callable[[Progress], None] | None,
+        progress: Callable[[Progress], bool | None] | None,
         as_objective: Callable[[float], float],
     ) -> None:
         self.started = time.monotonic()
+        self.compiling = Compiling()
+        self.stopped = False
         self.limit = limit
         self.progress = progress
         self.as_objective = as_objective
@@ -52,15 +56,15 @@ class Clock:
 
     @property
     def elapsed(self) -> float:
-        """Seconds since the start."""
-        return time.monotonic() - self.started
+        """Seconds since the start, without those of compiling."""
+        return time.monotonic() - self.started - self.compiling.seconds
 
     def tick(self, value: float = math.inf) -> None:
         """Take note of a value s; raises `OutOfTimeError` when the limit has passed."""
         now = self.elapsed
         if math.isfinite(value):
             self.best = min(self.best, self.as_objective(value))
-        if self.limit is not None and now > self.limit:
+        if self.stopped or (self.limit is not None and now > self.limit):
             raise OutOfTimeError
         if self.progress is not None and now - self._last > PROGRESS_INTERVAL:
             self._last = now
@@ -68,4 +72,6 @@ class Clock:
             # More searches may come up on the way; progress never falls.
             self._fraction = max(self._fraction, min(self.done / max(self.total, 1), 1.0))
             total = max(self.total, self.done, 1)
-            self.progress(Progress(self._fraction, best, self.done, total))
+            if self.progress(Progress(self._fraction, best, self.done, total)):
+                self.stopped = True
+                raise OutOfTimeError

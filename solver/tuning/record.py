@@ -25,8 +25,8 @@ class Status(StrEnum):
     LOCAL: the best settings beside given ones; the full search may do better.
     INFEASIBLE: none were found that do; `Tuning.reason` names what forbids it. Try (a) less
     uncertainty, (b) a larger permitted sensitivity peak, (c) wider parameter bounds.
-    TIME_LIMIT: the search was cut short; the settings, if any, are the best up to then. Try (a)
-    a longer time limit, (b) fewer starts.
+    TIME_LIMIT: the search was cut short, by the limit or by the caller; the settings, if any, are
+    the best up to then. Try (a) a longer time limit, (b) fewer starts.
     """
 
     OPTIMAL = "optimal"

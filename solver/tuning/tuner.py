@@ -32,7 +32,7 @@ FINER_WORTH_IT = 0.01  # per cent that one more group must gain, more than two o
 
 
 def tune(
-    specification: Specification, progress: Callable[[Progress], None] | None = None
+    specification: Specification, progress: Callable[[Progress], bool | None] | None = None
 ) -> Tuning:
     """Find the best settings for a specification.
 
@@ -42,7 +42,8 @@ def tune(
         The task.
     progress : callable or None
         Called about ten times a second with a `Progress`; what it raises stops the tuning and
-        passes through.
+        passes through. If it returns True, the tuning ends with the best so far, as if the time
+        limit had passed.
 
     Returns
     -------
@@ -67,7 +68,7 @@ class _Run:
     """One tuning."""
 
     def __init__(
-        self, specification: Specification, progress: Callable[[Progress], None] | None
+        self, specification: Specification, progress: Callable[[Progress], bool | None] | None
     ) -> None:
         self.specification = specification
         self.partitions = list(groupings(specification))
@@ -150,12 +151,20 @@ class _Run:
                 self.found.append(solution)
 
     def _keep_what_there_is(self) -> None:
-        for search in self.solutions.searches:
-            freedom = search.freedom
-            if freedom.groups in self.partitions and freedom.kind is self.specification.kind:
-                kept = self.solutions.kept(search)
-                if kept.candidate is not None:
-                    self.found.append(kept)
+        """Keep the best of each search; of those with fewer freedoms, if there is nothing else."""
+        searches = [
+            search
+            for search in self.solutions.searches
+            if search.freedom.kind is self.specification.kind
+        ]
+        for wanted in (True, False):
+            for search in searches:
+                if (search.freedom.groups in self.partitions) is wanted and not (
+                    self.found and not wanted
+                ):
+                    kept = self.solutions.kept(search)
+                    if kept.candidate is not None:
+                        self.found.append(kept)
 
     def _chosen(self) -> Solution | None:
         """Return the best solution; of nearly equal ones that with the fewest groups."""

@@ -15,7 +15,7 @@ from typer.testing import CliRunner, Result
 
 import solver.tuning
 from service.analyses.robustness import RobustnessResult
-from service.cli import app
+from service.cli.commands import app
 from service.schemas import TuningResult
 from solver.model.controllers import Controller
 from solver.tuning import Specification

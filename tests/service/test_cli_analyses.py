@@ -17,8 +17,8 @@ from service import registry
 from service.analyses.decouple import DecouplingResult
 from service.analyses.interaction import InteractionRequest, InteractionResult
 from service.analyses.parallel_drives import ParallelDrivesResult
-from service.cli import app
 from service.cli.analysing import analyse_file
+from service.cli.commands import app
 from service.cli.outcomes import ExitCode
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

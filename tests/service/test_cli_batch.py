@@ -20,7 +20,7 @@ from fake_tune import BROKEN, DEADLY, SLOW
 from samples import altered, tuning
 from typer.testing import CliRunner, Result
 
-from service.cli import app
+from service.cli.commands import app
 from service.jobs.engine import Engine
 from service.jobs.records import JobStatus, Outcome
 from service.schemas import TuningResult

@@ -9,7 +9,7 @@ from samples import altered
 from typer.testing import CliRunner
 
 from service.analyses.identify import EXAMPLE, IdentificationResult
-from service.cli import app
+from service.cli.commands import app
 from service.schemas import TuningRequest
 from service.schemas.parsing import parse
 

@@ -13,7 +13,7 @@ from samples import altered, tuning
 from typer.testing import CliRunner
 
 from service.analyses.robustness import ANALYSIS
-from service.cli import app
+from service.cli.commands import app
 from service.schemas import RequestError, TuningRequest, canonical, computation, parse
 
 RECORD = {

@@ -12,7 +12,7 @@ from samples import tuning
 from typer.testing import CliRunner
 
 from service.batch.sweep import MAX_POINTS, Variation, expand
-from service.cli import app
+from service.cli.commands import app
 from service.schemas import RequestError
 
 

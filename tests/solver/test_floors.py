@@ -14,6 +14,7 @@ ROOT = Path(solver.__file__).parent
 # From the ground up: a wing imports from itself and from those before it.
 FLOORS = (
     "model",
+    "hand_over",
     "mu",
     "stability",
     "certificate",

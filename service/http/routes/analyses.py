@@ -32,7 +32,7 @@ def _add(analysis: Analysis[Any, Any]) -> None:
 
     async def post(request: Request) -> Response:
         body = await bodies.read(request, analysis.request)
-        if analysis.immediate:
+        if analysis.immediate(body):
             return json_response(
                 await asyncio.to_thread(to_json, compute, (analysis.compute, body), {})
             )

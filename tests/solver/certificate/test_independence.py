@@ -11,7 +11,7 @@ from pathlib import Path
 
 from typer.testing import CliRunner
 
-from service.cli import app
+from service.cli.commands import app
 from solver.certificate import Certificate
 
 CHECK = """
