@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, JsonValue
 
-from service.analysis import Analysis
+from service.analysis import Analysis, always
 from service.printing import Grid, Line, Part
 from service.schemas.fields import AnalysisRequest, ResultModel, below
 from service.schemas.transfer_functions import plant_document
@@ -180,5 +180,5 @@ ANALYSIS = Analysis(
     result=PhysicalModelResult,
     compute=compute,
     table=table,
-    immediate=True,
+    immediate=always,
 )

@@ -59,6 +59,16 @@ class Clock:
         """Seconds since the start, without those of compiling."""
         return time.monotonic() - self.started - self.compiling.seconds
 
+    def grant(self, seconds: float) -> None:
+        """Run on for so long, and silently, after the end: to make good what there is."""
+        self.progress = None
+        self.stopped = False
+        self.limit = self.elapsed + seconds
+
+    def end(self) -> None:
+        """Let every tick from now on raise `OutOfTimeError`."""
+        self.stopped = True
+
     def tick(self, value: float = math.inf) -> None:
         """Take note of a value s; raises `OutOfTimeError` when the limit has passed."""
         now = self.elapsed

@@ -22,6 +22,7 @@ from solver.model.transfer_function import LARGEST
 from solver.model.weights import Performance
 from solver.optimality.record import SettingsProblem
 from solver.tuning.bounds import gain_signs, search_region
+from solver.tuning.clock import OutOfTimeError
 from solver.tuning.exact import WEAKEST, Candidate, ExactDescent
 from solver.tuning.minimax import Box
 from solver.tuning.objective import Evaluation, Goal, LoopObjective, MuGoal, TauGoal
@@ -324,16 +325,20 @@ class GroupingSearch:
         rough, self.optima = self.optima, []
         found: list[Candidate] = []
         best, attempts = math.inf, 0
-        for optimum in rough:
-            if optimum.value > best:
-                self._remember(optimum, optimum.count)
-            elif attempts < POLISHED:
-                attempts += 1
-                candidate = self.exact.descend(optimum.theta, best)
-                if candidate is not None:
-                    found.append(candidate)
-                    best = min(best, candidate.value)
-                    self._remember(candidate, optimum.count)
+        try:
+            for optimum in rough:
+                if optimum.value > best:
+                    self._remember(optimum, optimum.count)
+                elif attempts < POLISHED:
+                    attempts += 1
+                    candidate = self.exact.descend(optimum.theta, best)
+                    if candidate is not None:
+                        found.append(candidate)
+                        best = min(best, candidate.value)
+                        self._remember(candidate, optimum.count)
+        except OutOfTimeError:
+            self.optima = self.optima or rough  # they are still the best there is
+            raise
         return found
 
     def canonical(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -118,6 +118,8 @@ class Solutions:
         """Return the best stable settings of a search that was cut short."""
         for optimum in search.optima[:1]:
             candidate = search.exact.measure(optimum.theta, optimum.value)
+            if not math.isfinite(candidate.value):  # above 1 between the frequencies of the grid
+                candidate = search.exact.descend(optimum.theta, math.inf) or candidate
             if math.isfinite(candidate.value) and self._is_stable(search, candidate):
                 return Solution(search, candidate)
         return Solution(search, None)

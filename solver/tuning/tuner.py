@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from solver.model.open_loop import require_supported
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 
 __all__ = ["tune"]
 
+GRACE = 2.0  # seconds after the end, in which the best so far is made exact
 WORTH_IT = 1.0  # per cent that asymmetry must gain before 'best' prefers it
 FINER_WORTH_IT = 0.01  # per cent that one more group must gain, more than two optima may differ by
 
@@ -99,7 +101,10 @@ class _Run:
                 self._everywhere(usual=forbidden is None)
         except OutOfTimeError:
             self.status = Status.TIME_LIMIT
-            self._keep_what_there_is()
+            self.clock.grant(GRACE)
+            with suppress(OutOfTimeError):
+                self._keep_what_there_is()
+            self.clock.end()
         chosen = self._chosen()
         if chosen is None:
             return self._nothing_found()
