@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from solver.model.controllers import Controller
     from solver.model.plants import Plant
     from solver.model.weights import Performance, Uncertainty
+    from solver.robustness.record import Peaks
 
 __all__ = [
     "MAX_CLASSES",
@@ -182,10 +183,13 @@ def service_classes(
     uncertainty: Uncertainty,
     performance: Performance,
     loops: Sequence[Controller],
+    *,
+    whole: tuple[Peaks, Guarantee] | None = None,
 ) -> tuple[ServiceClass, ...]:
     """Return all kinds of sets of loops in service, those with the most loops first.
 
-    Parameters, errors: as for `integrity`.
+    `whole` is what is known of all loops together, which is then not proven anew. Other parameters,
+    errors: as for `integrity`.
     """
     loops = require_loops(plant, loops)
     require_weights(plant, uncertainty, performance)
@@ -204,7 +208,14 @@ def service_classes(
     sets = Subsets(plant, controllers, np.array(kinds, dtype=float))
     stable = sets.unstable_poles() == 0
     found = iter(
-        _proven(plant, uncertainty, performance, loops, itertools.compress(kinds, stable))
+        _proven(
+            plant,
+            uncertainty,
+            performance,
+            loops,
+            kinds=itertools.compress(kinds, stable),
+            whole=whole,
+        )
         if np.count_nonzero(stable) <= MAX_PROVEN
         else _sampled(
             Subsets(plant, controllers, sets.counts[stable]), uncertainty, performance, loops
@@ -229,13 +240,19 @@ def _proven(
     uncertainty: Uncertainty,
     performance: Performance,
     loops: Sequence[Controller],
+    *,
     kinds: Iterable[tuple[int, ...]],
+    whole: tuple[Peaks, Guarantee] | None,
 ) -> list[_Found]:
     """Peaks of robust stability and performance of each kind of set, over all frequencies."""
     groups = interchangeable(plant, loops, performance.output_scale)
     found = []
     for kind in kinds:
         units = sorted(unit for group, k in zip(groups, kind, strict=True) for unit in group[:k])
+        if whole is not None and len(units) == plant.n:
+            top, guarantee = whole
+            found.append((top.robust_stability, top.robust_performance, guarantee))
+            continue
         part, remaining = subsystem(plant, loops, units)
         axis = proven_peaks(part, uncertainty, performance.of_units(units), remaining)
         found.append((axis.peaks.robust_stability, axis.peaks.robust_performance, axis.guarantee))
@@ -269,16 +286,18 @@ def in_one_line(
     uncertainty: Uncertainty,
     performance: Performance,
     loops: Sequence[Controller],
+    *,
+    whole: tuple[Peaks, Guarantee] | None = None,
 ) -> str:
     """Return the summary for a tuning's result, where it takes a fraction of a second.
 
-    Otherwise say that it was left out. Parameters, errors: as for `integrity`.
+    Otherwise say that it was left out. Parameters, errors: as for `service_classes`.
     """
     groups = interchangeable(plant, loops, performance.output_scale)
     count = math.prod(len(group) + 1 for group in groups) - 1
     if count * len(groups) ** 2 > MAX_IN_PASSING:
         return f"loops out of service: {_number(count)} kinds of sets, not analysed in passing"
-    return summarise(service_classes(plant, uncertainty, performance, loops))
+    return summarise(service_classes(plant, uncertainty, performance, loops, whole=whole))
 
 
 def summarise(classes: Sequence[ServiceClass]) -> str:

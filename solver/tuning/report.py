@@ -94,7 +94,11 @@ def report(
         certificate=certificate,
         optimality=_optimality(specification, solutions, end, clock),
         integrity=in_one_line(
-            specification.plant, specification.uncertainty, end.performance, end.loops
+            specification.plant,
+            specification.uncertainty,
+            end.performance,
+            end.loops,
+            whole=(end.peaks, end.guarantee),
         ),
         warnings=tuple(warnings),
     )

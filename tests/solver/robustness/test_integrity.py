@@ -17,6 +17,7 @@ from solver.model.plants import MatrixPlant, ParallelPlant, Plant, first_order
 from solver.model.subsystems import subsystem
 from solver.model.transfer_function import TransferFunction
 from solver.model.weights import Performance, Structure, Uncertainty
+from solver.robustness.axis import proven_peaks
 from solver.robustness.curves import LoopAnalysis
 from solver.robustness.integrity import (
     MAX_CLASSES,
@@ -294,6 +295,9 @@ def test_one_line_for_a_tuning() -> None:
     performance = Performance(tau_p=19.2)
     line = in_one_line(plant, DIAGONAL, performance, loops)
     assert line == integrity(plant, DIAGONAL, performance, loops).summary
+    axis = proven_peaks(plant, DIAGONAL, performance, loops)
+    known = (axis.peaks, axis.guarantee)
+    assert in_one_line(plant, DIAGONAL, performance, loops, whole=known) == line
     many = tuple(Controller(2 + unit, 50) for unit in range(12))
     assert in_one_line(first_order(12, 1, 100, 0.1), DIAGONAL, performance, many) == (
         "loops out of service: 4,095 kinds of sets, not analysed in passing"
