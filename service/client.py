@@ -12,7 +12,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Self, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, Self, TypeVar
 
 import httpx
 from pydantic import BaseModel, ValidationError
@@ -21,7 +21,7 @@ from service import registry
 from service.analysis import Analysis
 from service.problems import MEDIA_TYPE, Problem
 from service.schemas import TuningRequest, TuningResult
-from service.schemas.batches import Batch
+from service.schemas.batches import Batch, BatchList
 from service.schemas.fields import AnalysisRequest
 from service.schemas.jobs import Job, JobProgress
 
@@ -182,6 +182,8 @@ class Client:
         self,
         requests: Iterable[TuningRequest | Mapping[str, Any]],
         idempotency_key: str | None = None,
+        *,
+        on_error: Literal["refuse", "skip"] = "refuse",
     ) -> Batch:
         """Submit many tunings at once; the service accepts all of them, or none.
 
@@ -191,12 +193,21 @@ class Client:
             The requests.
         idempotency_key : str or None
             Submitting again under the same key returns the same batch.
+        on_error : str
+            ``"skip"``: faulty tunings become jobs that have failed; ``"refuse"``: they have the
+            whole batch refused.
 
         """
         headers = {} if idempotency_key is None else {"Idempotency-Key": idempotency_key}
-        document = {"tunings": [_document(request) for request in requests]}
+        tunings = [_document(request) for request in requests]
+        document = {"tunings": tunings, "on_error": on_error}
         response = self._send("POST", "/v1/batches", document, headers)
         return Batch.model_validate_json(response.content)
+
+    def batches(self) -> list[Batch]:
+        """Return the newest batches, newest first."""
+        content = self._send("GET", "/v1/batches").content
+        return BatchList.model_validate_json(content).items
 
     def results(self, batch_id: str) -> Iterator[BatchItem]:
         """Yield the results of a batch in order, each as soon as it is there.

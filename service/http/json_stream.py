@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import AsyncIterable, AsyncIterator
 
@@ -13,7 +14,7 @@ _TOKEN = re.compile(rb'"(?:[^"\\]|\\.)*"|[{}\[\],"]', re.DOTALL)
 
 
 class ArrayReader:
-    """Reads ``{"name": [item, item, ...]}``.
+    """Reads ``{"name": [item, item, ...]}``, beside which other members may stand.
 
     Parameters
     ----------
@@ -22,12 +23,21 @@ class ArrayReader:
     largest : int
         Greatest length of an item in bytes.
 
+    Attributes
+    ----------
+    others : dict
+        The other members, complete once all items are read.
+
     """
 
     def __init__(self, name: str, largest: int) -> None:
         self._name = name
         self._largest = largest
-        self._start = re.compile(rb'\s*\{\s*"' + name.encode() + rb'"\s*:\s*\[\s*')
+        self._start = re.compile(
+            rb'\s*(?P<others>\{(?:\s*"\w+"\s*:\s*"[^"\\]*"\s*,)*)\s*"' + name.encode()
+            + rb'"\s*:\s*\[\s*'
+        )  # fmt: skip
+        self.others: dict[str, object] = {}
         self._buffer = b""
 
     async def items(self, chunks: AsyncIterable[bytes]) -> AsyncIterator[bytes]:
@@ -54,7 +64,18 @@ class ArrayReader:
             if len(self._buffer) > self._largest or not await self._more(stream):
                 detail = f'the body must be {{"{self._name}": [...]}}'
                 raise RequestError((Fault("", detail),))
+        self._read_others(head["others"].rstrip(b", ") + b"}")
         self._buffer = self._buffer[head.end() :]
+
+    def _read_others(self, text: bytes) -> None:
+        try:
+            others = json.loads(text)
+        except ValueError:
+            detail = f'the body must be {{"{self._name}": [...]}}'
+            raise RequestError((Fault("", detail),)) from None
+        if self.others.keys() & others.keys():
+            raise RequestError((Fault("", "a member is there twice"),))
+        self.others |= others
 
     async def _item(self, stream: AsyncIterator[bytes], index: int) -> tuple[bytes, bool]:
         """Return the text up to the next comma or the end of the array, and which it was."""
@@ -82,9 +103,8 @@ class ArrayReader:
     async def _close(self, stream: AsyncIterator[bytes]) -> None:
         while len(self._buffer) <= self._largest and await self._more(stream):
             pass
-        if self._buffer.strip() != b"}":
-            detail = f'the body has no other members than "{self._name}"'
-            raise RequestError((Fault("", detail),))
+        rest = self._buffer.strip()
+        self._read_others(b"{" + rest[1:] if rest.startswith(b",") else b"{" + rest)
 
     async def _more(self, stream: AsyncIterator[bytes]) -> bool:
         chunk = await anext(stream, None)

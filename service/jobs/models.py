@@ -53,6 +53,7 @@ class JobRow(Base):
         Index("jobs_by_owner", "owner", "sequence"),
         Index("jobs_by_state", "owner", "status"),
         Index("jobs_by_end", "finished_at"),
+        Index("jobs_by_computation", "owner", "computation"),
         {"sqlite_autoincrement": True},  # a cursor must not meet a reused number
     )
 
@@ -73,6 +74,7 @@ class JobRow(Base):
     finished_at: Mapped[float | None] = mapped_column(Double)
     idempotency_key: Mapped[str | None] = mapped_column(String(255))
     digest: Mapped[str] = mapped_column(String(64))
+    computation: Mapped[str | None] = mapped_column(String(64))
     time_limit: Mapped[float] = mapped_column(Double)
     request: Mapped[str] = mapped_column(Text)
     error: Mapped[str | None] = mapped_column(Text)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from enum import IntEnum, StrEnum
+from typing import Any
 
 __all__ = [
     "FINAL",
@@ -49,10 +51,31 @@ UNFINISHED = frozenset(JobStatus) - FINAL
 
 @dataclass(frozen=True)
 class NewJob:
-    """A job to be accepted: canonical request (JSON) and its time limit in seconds."""
+    """A job to be accepted.
+
+    Parameters
+    ----------
+    request : str
+        The request, or where it is at fault its text as it came.
+    time_limit : float
+        Seconds.
+    computation : str or None
+        What of it has a say in the result: jobs that share it have equal results.
+    reuse : bool
+        Whether a result that is there already will do.
+    identity : mapping
+        What of it comes back with the result.
+    error : str or None
+        What is wrong with it (JSON text of a problem): the job has failed before it began.
+
+    """
 
     request: str
     time_limit: float
+    computation: str | None = None
+    reuse: bool = True
+    identity: Mapping[str, Any] = field(default_factory=dict)
+    error: str | None = None
 
 
 @dataclass(frozen=True)
@@ -77,6 +100,7 @@ class Job:
     request: str
     error: str | None
     result: str | None
+    batch: str | None = None
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ Every method is one transaction, so that a process may die between any two of th
 from __future__ import annotations
 
 import hashlib
+import json
 import time
 import uuid
 from collections.abc import Iterable, Mapping, Sequence
@@ -88,6 +89,10 @@ class Store:
         try:
             with self._transactions.writing() as connection:
                 self._check_room(connection, owner, 1)
+                if _take_known(connection, owner, [(job, row)]):
+                    connection.execute(_INSERT, row)
+                    found = connection.execute(_JOB, {"job": row["id"], "caller": owner})
+                    return _job(found.one())
                 sequence = connection.execute(_INSERT, row).scalar_one()
         except IntegrityError:
             return self.get(owner, self._accepted_before(JobRow, owner, row))
@@ -115,7 +120,11 @@ class Store:
             "idempotency_key": idempotency_key,
             "digest": _digest("".join(_digest(job.request) for job in jobs)),
         }
-        rows = {job.request: _new_row(owner, job, Priority.BATCH, batch["id"]) for job in jobs}
+        distinct = {job.request: job for job in jobs}
+        rows = {
+            request: _new_row(owner, job, Priority.BATCH, batch["id"])
+            for request, job in distinct.items()
+        }
         items = [
             {"batch_id": batch["id"], "position": position, "job_id": rows[job.request]["id"]}
             for position, job in enumerate(jobs)
@@ -123,6 +132,7 @@ class Store:
         try:
             with self._transactions.writing() as connection:
                 self._check_room(connection, owner, len(rows))
+                _take_known(connection, owner, [(distinct[key], rows[key]) for key in rows])
                 connection.execute(insert(BatchRow), batch)
                 connection.execute(insert(JobRow), list(rows.values()))
                 connection.execute(insert(BatchItemRow), items)
@@ -212,11 +222,30 @@ class Store:
             raise KeyError(job_id)
         return _job(row)
 
+    def batches(self, owner: str, *, limit: int) -> list[Batch]:
+        """Return the newest batches, newest first."""
+        with self._transactions.reading() as connection:
+            found = connection.scalars(
+                select(BatchRow.id)
+                .where(BatchRow.owner == owner)
+                .order_by(BatchRow.sequence.desc())
+                .limit(limit)
+            ).all()
+        return [self.get_batch(owner, batch_id) for batch_id in found]
+
     def page(
-        self, owner: str, *, below: int | None, limit: int, status: JobStatus | None = None
+        self,
+        owner: str,
+        *,
+        below: int | None,
+        limit: int,
+        status: JobStatus | None = None,
+        batch: str | None = None,
     ) -> list[Job]:
         """Return jobs with a sequence below `below`, newest first, without results."""
         query = _SUMMARIES.where(JobRow.owner == owner)
+        if batch is not None:
+            query = query.where(JobRow.batch_id == batch)
         if below is not None:
             query = query.where(JobRow.sequence < below)
         if status is not None:
@@ -284,9 +313,52 @@ def _new_row(
         "created_at": time.time(),
         "batch_id": batch_id,
         "digest": _digest(job.request),
+        "computation": None if job.computation is None else _digest(job.computation),
         "time_limit": job.time_limit,
         "request": job.request,
-    }
+        "started_at": None,
+        "finished_at": None,
+        "best": None,
+        "result": None,
+        "error": None,
+    } | ({} if job.error is None else _failed(job.error))
+
+
+def _failed(error: str) -> dict[str, Any]:
+    return {"status": JobStatus.FAILED, "error": error, "finished_at": time.time()}
+
+
+def _take_known(
+    connection: Connection, owner: str, rows: Sequence[tuple[NewJob, dict[str, Any]]]
+) -> bool:
+    """Fill rows in whose results are there already, from equal computations of the same owner.
+
+    Returns
+    -------
+    bool
+        Whether there were any.
+
+    """
+    wanted = [row["computation"] for job, row in rows if job.reuse and job.computation is not None]
+    known: dict[str, tuple[str, float | None]] = {}
+    for start in range(0, len(wanted), _MANY):
+        part = wanted[start : start + _MANY]
+        for found in connection.execute(_KNOWN, {"caller": owner, "computations": part}):
+            known[found.computation] = (found.result, found.best)
+    for job, row in rows:
+        if job.reuse and row["computation"] in known:
+            text, best = known[row["computation"]]
+            result = json.loads(text)
+            result.pop("id", None)
+            result.pop("labels", None)
+            row |= {
+                "status": JobStatus.SUCCEEDED,
+                "fraction": 1.0,
+                "best": best,
+                "finished_at": time.time(),
+                "result": json.dumps(result | dict(job.identity), separators=(",", ":")),
+            }
+    return bool(known)
 
 
 _COLUMNS = (
@@ -300,6 +372,7 @@ _COLUMNS = (
     JobRow.finished_at,
     JobRow.request,
     JobRow.error,
+    JobRow.batch_id,
 )
 # Statements are built once: building costs several times as much as executing.
 _JOB: Select[*tuple[Any, ...]] = select(*_COLUMNS, JobRow.result).where(
@@ -316,6 +389,13 @@ _ITEMS = (
     .where(BatchItemRow.position >= bindparam("start"))
     .order_by(BatchItemRow.position)
     .limit(bindparam("count", type_=Integer))
+)
+_MANY = 500  # digests asked for at once
+_KNOWN = select(JobRow.computation, JobRow.result, JobRow.best).where(
+    JobRow.owner == bindparam("caller"),
+    JobRow.computation.in_(bindparam("computations", expanding=True)),
+    JobRow.status == JobStatus.SUCCEEDED,
+    JobRow.result.is_not(None),
 )
 _UNFINISHED = (
     select(func.count())
@@ -340,4 +420,5 @@ def _job(row: Row[*tuple[Any, ...]]) -> Job:
         row.request,
         row.error,
         row.result,
+        row.batch_id,
     )

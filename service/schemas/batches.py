@@ -14,7 +14,7 @@ from service.schemas.fields import RequestModel
 from service.schemas.jobs import Timestamp, timestamp
 from service.schemas.tunings import EXAMPLE, TuningRequest
 
-__all__ = ["Batch", "BatchRequest", "batch_to_json", "item_to_json"]
+__all__ = ["Batch", "BatchList", "BatchRequest", "batch_to_json", "item_to_json"]
 
 MAX_ITEMS = 10_000
 _ID = "0c9a4f7e2b6d4e1f8a3c5d7e9b1f2a4c"
@@ -28,6 +28,13 @@ class BatchRequest(RequestModel):
             description="The tunings; equal ones are computed once. All are accepted, or none.",
             examples=[[EXAMPLE]],
         )
+    )
+
+    on_error: Literal["refuse", "skip"] = Field(
+        default="refuse",
+        description="refuse: a faulty tuning has the whole batch refused; skip: it becomes a job "
+        "that has failed.",
+        examples=["skip"],
     )
 
 
@@ -80,6 +87,12 @@ class Batch(BaseModel):
         description="Where to go from here.",
         examples=[{"self": f"/v1/batches/{_ID}", "results": f"/v1/batches/{_ID}/results"}],
     )
+
+
+class BatchList(BaseModel):
+    """The newest batches, newest first."""
+
+    items: list[Batch] = Field(description="The batches.", examples=[[]])
 
 
 def batch_to_json(batch: BatchRecord) -> str:

@@ -6,7 +6,7 @@ import json
 from datetime import UTC, datetime
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, Field, JsonValue
 
 from service.jobs.records import Job as JobRecord
 from service.jobs.records import Snapshot
@@ -60,13 +60,18 @@ class JobSummary(BaseModel):
     progress: JobProgress = Field(
         description="How far it is.", examples=[{"fraction": 1.0, "best": 18.4}]
     )
-    request: TuningRequest = Field(
-        description="The request, with all defaults.", examples=[EXAMPLE]
+    request: TuningRequest | dict[str, JsonValue] = Field(
+        union_mode="left_to_right",
+        description="The request, with all defaults; as it came, where it is at fault.",
+        examples=[EXAMPLE],
     )
     error: Problem | None = Field(description="Why it failed.", examples=[None])
     created_at: Timestamp = Field(description="When it was accepted (UTC).", examples=[_TIME])
     started_at: Timestamp | None = Field(description="When it was last started.", examples=[_TIME])
     finished_at: Timestamp | None = Field(description="When it ended.", examples=[_TIME])
+    batch: str | None = Field(
+        default=None, description="The batch that it belongs to.", examples=[None]
+    )
     links: Links = Field(
         description="Where to go from here.",
         examples=[{"self": f"/v1/tunings/{_ID}", "events": f"/v1/tunings/{_ID}/events"}],
@@ -103,6 +108,7 @@ def summary_to_dict(job: JobRecord) -> dict[str, Any]:
         "created_at": timestamp(job.created_at),
         "started_at": timestamp(job.started_at),
         "finished_at": timestamp(job.finished_at),
+        "batch": job.batch,
         "links": {"self": path, "events": f"{path}/events"},
     }
 

@@ -128,3 +128,71 @@ def test_unknown_batch_is_404(client: httpx.Client) -> None:
     path = f"{PATH}/{'0' * 32}"
     for response in (client.get(path), client.delete(path), client.get(f"{path}/results")):
         assert response.status_code == 404
+
+
+def test_all_faults_are_named_at_once(client: httpx.Client) -> None:
+    """Whoever mends a batch of thousands wants to do so once."""
+    tunings = [tuning(), altered(tuning(), "/plant/n", 0), tuning(), {"plant": 3}]
+    answer = client.post("/v1/batches", json={"tunings": tunings})
+    assert answer.status_code == 422
+    pointers = {fault["pointer"] for fault in answer.json()["errors"]}
+    assert "/tunings/1/plant/n" in pointers
+    assert any(pointer.startswith("/tunings/3/") for pointer in pointers)
+
+
+@pytest.mark.parametrize("form", ["before", "after", "lines"])
+def test_faulty_tunings_can_be_skipped(client: httpx.Client, form: str) -> None:
+    """They become jobs that have failed, each in its place and with its fault."""
+    tunings = [tuning(seed=77), altered(tuning(), "/plant/n", 0), tuning(seed=78)]
+    if form == "lines":
+        lines = "\n".join(json.dumps(each) for each in tunings) + "\r\n\n"
+        headers = {"Content-Type": "application/x-ndjson"}
+        answer = client.post("/v1/batches?on_error=skip", content=lines, headers=headers)
+    else:
+        option, array = {"on_error": "skip"}, {"tunings": tunings}
+        body = option | array if form == "before" else array | option
+        answer = client.post("/v1/batches", json=body)
+    assert answer.status_code == 202, answer.text
+    batch = answer.json()
+    lines = client.get(batch["links"]["results"]).text.splitlines()
+    items = [json.loads(line) for line in lines]
+    assert [item["index"] for item in items] == [0, 1, 2]
+    assert [item.get("result", {}).get("tau_p") for item in items] == [77, None, 78]
+    assert items[1]["error"]["errors"][0]["pointer"] == "/plant/n"
+    assert client.get(f"/v1/batches/{batch['id']}").json()["states"]["failed"] == 1
+    assert batch["id"] in {each["id"] for each in client.get("/v1/batches").json()["items"]}
+    jobs = client.get(f"/v1/tunings?batch={batch['id']}").json()["items"]
+    assert {job["batch"] for job in jobs} == {batch["id"]}
+
+
+@pytest.mark.parametrize("body", [{"on_error": "ignore"}, {"colour": "red"}])
+def test_other_members_are_refused(client: httpx.Client, body: dict) -> None:
+    """A misspelt option is not taken for the default."""
+    assert client.post("/v1/batches", json={"tunings": [tuning()]} | body).status_code == 422
+
+
+def test_results_in_the_order_of_completion(client: httpx.Client) -> None:
+    """A slow item does not hold up those behind it."""
+    slow = tuning(seed=SLOW, starts=150)
+    quick = [tuning(seed=1000 + number) for number in range(4)]
+    batch = client.post("/v1/batches", json={"tunings": [slow, *quick]}).json()
+    answer = client.get(f"{batch['links']['results']}?order=completion")
+    indices = [json.loads(line)["index"] for line in answer.text.splitlines()]
+    assert sorted(indices) == [0, 1, 2, 3, 4]
+
+
+def test_a_known_result_is_taken(client: httpx.Client) -> None:
+    """An equal request ends at once, with its own identity; no-cache computes it anew."""
+    request = tuning(seed=4321)
+    first = client.post("/v1/tunings", json=request, headers={"Prefer": "wait=30"}).json()
+    again = client.post("/v1/tunings", json=request | {"id": "R-8", "title": "again"})
+    assert again.status_code == 200
+    job = again.json()
+    assert job["id"] != first["id"]
+    assert job["started_at"] is None
+    assert job["result"] == first["result"] | {"id": "R-8"}
+    anew = client.post("/v1/tunings", json=request, headers={"Cache-Control": "no-cache"})
+    assert anew.status_code == 202
+    batch = client.post("/v1/batches", json={"tunings": [request, tuning(seed=4322)]}).json()
+    items = client.get(batch["links"]["results"]).text.splitlines()
+    assert [json.loads(item)["result"]["tau_p"] for item in items] == [4321, 4322]

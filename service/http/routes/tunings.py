@@ -16,16 +16,25 @@ from fastapi.responses import StreamingResponse
 from service.http import bodies
 from service.http.access import owner
 from service.http.routes.common import BODY_PROBLEMS, described, json_response, problems
+from service.jobs.engine import VERSION
 from service.jobs.records import FINAL, Ended, Job, JobStatus, NewJob
 from service.jobs.store import IdempotencyConflictError, QueueFullError, Store
 from service.jobs.watch import Watcher
 from service.problems import ConflictError, NotFoundError, RateError
-from service.schemas import TuningRequest, canonical
+from service.schemas import TuningRequest, canonical, computation
 from service.schemas.jobs import Job as JobModel
 from service.schemas.jobs import JobList, job_to_json, progress_to_json, summary_to_dict
 from solver.model.errors import InvalidInputError
 
-__all__ = ["IdempotencyKey", "JobId", "accepting", "find_job", "new_job", "router"]
+__all__ = [
+    "IdempotencyKey",
+    "JobId",
+    "accepting",
+    "find_job",
+    "may_reuse",
+    "new_job",
+    "router",
+]
 
 router = APIRouter(prefix="/v1/tunings", tags=["tunings"])
 
@@ -80,9 +89,14 @@ def _store(request: Request) -> Store:
 async def post_tuning(
     request: Request, idempotency_key: IdempotencyKey = None, prefer: Prefer = None
 ) -> Response:
-    """Accept a tuning as a job."""
+    """Accept a tuning as a job.
+
+    A result of an equal request of the same caller is taken where there is one, and the job has
+    ended at once; with `Cache-Control: no-cache` it is computed anew.
+    """
     configuration = request.app.state.configuration
-    new = new_job(await bodies.read(request, TuningRequest), configuration.max_time_limit)
+    body = await bodies.read(request, TuningRequest)
+    new = new_job(body, configuration.max_time_limit, reuse=may_reuse(request))
     async with accepting():
         job = await asyncio.to_thread(_store(request).submit, owner(request), new, idempotency_key)
     request.app.state.dispatcher.wake()
@@ -108,7 +122,7 @@ def _after(job: Job, ended: Ended) -> Job:
     )
 
 
-def new_job(body: TuningRequest, longest: float) -> NewJob:
+def new_job(body: TuningRequest, longest: float, *, reuse: bool = True) -> NewJob:
     """Return the job that `body` asks for.
 
     Raises
@@ -121,7 +135,19 @@ def new_job(body: TuningRequest, longest: float) -> NewJob:
     if body.search.time_limit > longest:
         message = f"this service computes for at most {longest:g} s"
         raise InvalidInputError(message, "/search/time_limit")
-    return NewJob(canonical(body), body.search.time_limit)
+    return NewJob(
+        canonical(body),
+        body.search.time_limit,
+        # Another version may find other digits.
+        computation=f"{VERSION} {computation(body)}",
+        reuse=reuse,
+        identity=body.identity(),
+    )
+
+
+def may_reuse(request: Request) -> bool:
+    """Whether the caller takes a result that is there already (RFC 9111)."""
+    return "no-cache" not in request.headers.get("cache-control", "").lower()
 
 
 @asynccontextmanager
@@ -158,16 +184,31 @@ async def list_tunings(
     status: Annotated[
         JobStatus | None, Query(description="Only jobs in this state.", examples=["running"])
     ] = None,
+    batch: Annotated[
+        str | None,
+        Query(
+            description="Only jobs of this batch.",
+            pattern="^[0-9a-f]{32}$",
+            examples=["0c9a4f7e2b6d4e1f8a3c5d7e9b1f2a4c"],
+        ),
+    ] = None,
 ) -> Response:
     """Return a page of jobs, without their results."""
     jobs = await asyncio.to_thread(
-        _store(request).page, owner(request), below=cursor, limit=limit + 1, status=status
+        _store(request).page,
+        owner(request),
+        below=cursor,
+        limit=limit + 1,
+        status=status,
+        batch=batch,
     )
     more = len(jobs) > limit
     jobs = jobs[:limit]
     query = f"cursor={jobs[-1].sequence}&limit={limit}" if more else ""
     if status is not None:
         query += f"&status={status}"
+    if batch is not None:
+        query += f"&batch={batch}"
     page = {
         "items": [summary_to_dict(job) for job in jobs],
         "next": f"/v1/tunings?{query}" if more else None,
