@@ -26,6 +26,7 @@ from solver.robustness.enclosed_forms import NOMINAL, ROBUST, STABILITY, TURN
 from solver.robustness.march import march
 from solver.robustness.record import Curves, Guarantee, GuaranteeStatus, Peaks
 from solver.robustness.tables import Scratch, Tables, scratch, tables
+from solver.robustness.worst_phase import any_phase, bound_beyond, far_phases
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -210,6 +211,9 @@ class _Search:
 
     def close(self) -> None:
         """Prove the peak, raising it on the way where it was too low."""
+        far = far_phases(self.analysis.blocks.plant, self.analysis.omega[-1])
+        if far.size:
+            self._look(far)
         if self.compiled is None:
             self.reason = f"more than {MAX_SETTINGS} loops differ"
             self._resolve()
@@ -221,8 +225,11 @@ class _Search:
         high = self._end(T, S, upper=True)
         low = self._end(T, S, upper=False)
         if low is None or high is None:
-            where = "infinity" if high is None else "zero"
-            self.reason = f"no proof towards the frequency {where}"
+            self.reason = "no proof towards the frequency zero"
+            if high is None:
+                self.reason = "no proof towards the frequency infinity"
+                if any_phase(self.analysis.blocks.plant):
+                    self.reason += ": what dead time feeds through has any phase there"
             self._resolve()
             return
         steps, shortest, log_ratio = MAX_STEPS, SHORT, FIRST_STEP
@@ -245,7 +252,7 @@ class _Search:
     def _end(self, T: Tables, S: Scratch, *, upper: bool) -> float | None:
         """Return a frequency from which the curve is proven to the end of the axis."""
         factor = TAIL_STEP if upper else 1 / TAIL_STEP
-        start = self.omega[-1] if upper else self.omega[0]
+        start = float(self.analysis.omega[-1 if upper else 0])
         ends = start * factor ** np.arange(TAIL_STEPS)
         ends = ends[(ends < 1e200) & (ends > 1e-200)]
         # Inside the interval, where one set of scales serves best.
@@ -269,6 +276,15 @@ class _Search:
         self, T: Tables, S: Scratch, end: float, y: NDArray[np.float64], *, upper: bool
     ) -> bool:
         """Whether the curve is proven from `end` to infinity, or down to 0."""
+        analysis = self.analysis
+        plant = analysis.blocks.plant
+        if upper and plant.n == 1 and any_phase(plant):
+            bound = bound_beyond(
+                plant, analysis.uncertainty, analysis.performance, analysis.controllers[0],
+                self.curve, end,
+            )  # fmt: skip
+            if bound <= (1 + BRACKET) * self.peak.value:
+                return True
         low, high = (end, math.inf) if upper else (0.0, end)
         reached, _, _ = march(
             T, S, np.array([0.0, 1.0]), np.tile(y, (2, 1)), low, high, 1.0, 0.0, 1,

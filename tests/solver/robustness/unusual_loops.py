@@ -6,7 +6,7 @@ alone: a mistake that the solver and this file make alike would have to be made 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from scipy.optimize import minimize
 from solver.model.controllers import Controller
 from solver.model.plants import MatrixPlant, ParallelPlant, Plant
 from solver.model.transfer_function import TransferFunction
-from solver.model.weights import Performance, Uncertainty
+from solver.model.weights import Performance, Structure, Uncertainty
 
 POINTS = 20_000
 REFINED = 40  # of a bracket in each of three rounds
@@ -65,6 +65,30 @@ def draw(rng: np.random.Generator) -> UnusualLoop:
     )
 
 
+def draw_any(rng: np.random.Generator) -> UnusualLoop:
+    """As `draw`, with every kind of controller and a full uncertainty too."""
+    drawn = draw(rng)
+    structure = rng.choice([Structure.DIAGONAL, Structure.FULL])
+    kind = rng.choice(["P", "PI", "PD", "PID", "PIF", "PIDF"])
+    reset = 1 / np.median([each.integral_time or 1.0 for each in drawn.loops])
+    changed = {}
+    for each in dict.fromkeys(drawn.loops):
+        lead, lag = 10 ** rng.uniform(-2, 1, 2) / reset
+        changed[each] = Controller(
+            each.gain,
+            each.integral_time if "I" in kind else None,
+            lead if "D" in kind else None,
+            lag if "F" in kind else None,
+        )
+    offset = 0.0 if "I" in kind else 10 ** rng.uniform(-3, 0)
+    return replace(
+        drawn,
+        uncertainty=Uncertainty(drawn.uncertainty.weight, Structure(structure)),
+        performance=replace(drawn.performance, offset=offset),
+        loops=tuple(changed[each] for each in drawn.loops),
+    )
+
+
 def _element(rng: np.random.Generator, rate: float, size: float) -> TransferFunction:
     order = int(rng.integers(1, 7))
     poles: list[complex] = []
@@ -108,9 +132,16 @@ def response(function: TransferFunction, omega: NDArray[np.float64]) -> NDArray[
 
 
 def controller(loop: Controller, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """k (1 + 1/(tau_I s))."""
-    assert loop.integral_time is not None
-    return loop.gain * (1 + 1 / (1j * omega * loop.integral_time))
+    """k (1 + 1/(tau_I s)) (1 + tau_D s)/(1 + tau_F s), what is absent left out."""
+    s = 1j * omega
+    value = np.full(omega.size, loop.gain, complex)
+    if loop.integral_time is not None:
+        value *= 1 + 1 / (loop.integral_time * s)
+    tau_D, tau_F = loop.derivative_time, loop.filter_time
+    if tau_D is not None:
+        value *= 1 + tau_D * s
+        tau_F = 0.1 * tau_D if tau_F is None else tau_F
+    return value if tau_F is None else value / (1 + tau_F * s)
 
 
 def full_plant(plant: Plant, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
@@ -130,23 +161,28 @@ def matrices(loop: UnusualLoop, omega: NDArray[np.float64]) -> NDArray[np.comple
     S = np.linalg.inv(np.eye(n) + G @ C)
     w_I = response(loop.uncertainty.weight, omega)[:, None, None]
     tau_p, M = loop.performance.tau_p, loop.performance.max_peak
-    w_P = ((1j * omega * tau_p + 1) / (M * 1j * omega * tau_p))[:, None, None]
+    lag = 1j * omega * tau_p
+    w_P = ((lag + 1) / (M * lag + loop.performance.offset))[:, None, None]
     CS = C @ S
     top = np.concatenate([-w_I * CS @ G, -w_I * CS], axis=2)
     bottom = np.concatenate([w_P * S @ G, w_P * S], axis=2)
     return np.concatenate([top, bottom], axis=1)
 
 
-def rough_bound(N: NDArray[np.complex128]) -> NDArray[np.float64]:
+def rough_bound(N: NDArray[np.complex128], *, full: bool = False) -> NDArray[np.float64]:
     """sigma_max(D N D^-1) for scales that balance rows and columns: a bound, not the best."""
-    d = _balanced(N)
+    d = _balanced(N, full=full)
     return np.linalg.norm(d[:, :, None] * N / d[:, None, :], ord=2, axis=(1, 2))
 
 
-def _balanced(N: NDArray[np.complex128]) -> NDArray[np.float64]:
+def _balanced(N: NDArray[np.complex128], *, full: bool = False) -> NDArray[np.float64]:
     n = N.shape[1] // 2
     square = np.abs(N) ** 2
     d2 = np.ones(N.shape[:2])
+    if full:  # one scale: off-diagonal quarters alike
+        rows, columns = square[:, :n, n:].sum(axis=(1, 2)), square[:, n:, :n].sum(axis=(1, 2))
+        d2[:, :n] = np.sqrt((columns + 1e-300) / (rows + 1e-300))[:, None]
+        return np.sqrt(d2)
     for _ in range(30):
         for i in range(n):
             weighted = square * d2[:, :, None] / d2[:, None, :]
@@ -158,17 +194,17 @@ def _balanced(N: NDArray[np.complex128]) -> NDArray[np.float64]:
     return np.sqrt(d2)
 
 
-def best_bound(N: NDArray[np.complex128]) -> float:
+def best_bound(N: NDArray[np.complex128], *, full: bool = False) -> float:
     """Upper bound of mu of one matrix, minimised over log d by a general-purpose method."""
     n = N.shape[0] // 2
     if n == 1:  # the scalar loop: |w_I T| + |w_P S|
         return float(abs(N[0, 0]) + abs(N[1, 1]))
 
     def norm(log_d: NDArray[np.float64]) -> float:
-        d = np.exp(np.append(log_d, np.zeros(n)))
+        d = np.exp(np.append(np.broadcast_to(log_d, n), np.zeros(n)))
         return float(np.log(np.linalg.norm(d[:, None] * N / d, ord=2)))
 
-    start = np.log(_balanced(N[None])[0, :n])
+    start = np.log(_balanced(N[None], full=full)[0, : 1 if full else n])
     options = {"xatol": 1e-10, "fatol": 1e-13, "maxiter": 4000, "maxfev": 6000, "adaptive": True}
     best = minimize(norm, start, method="Nelder-Mead", options=options)
     return float(np.exp(best.fun))
@@ -186,7 +222,9 @@ def dense_grid(loop: UnusualLoop, points: int = POINTS) -> NDArray[np.float64]:
             root.imag + np.linspace(-20, 20, points // 100) * abs(root.real)
             for root in roots[roots.imag > 0]
         ]
-    corners += [1 / each.integral_time for each in loop.loops]
+    for each in loop.loops:
+        times = (each.integral_time, each.derivative_time, each.filter_time)
+        corners += [1 / time for time in times if time is not None]
     low, high = 1e-5 * min(corners), 1e5 * max(corners)
     found = np.concatenate([np.geomspace(low, high, points), *extra])
     return np.unique(found[found > 0])
@@ -195,7 +233,8 @@ def dense_grid(loop: UnusualLoop, points: int = POINTS) -> NDArray[np.float64]:
 def dense_peak(loop: UnusualLoop, reported: float, points: int = POINTS) -> float:
     """Highest upper bound of mu that a dense grid with refinement finds; 0 if below `reported`."""
     omega = dense_grid(loop, points)
-    values = rough_bound(matrices(loop, omega))
+    full = loop.uncertainty.structure is Structure.FULL
+    values = rough_bound(matrices(loop, omega), full=full)
     order = np.argsort(-values)
     highest = 0.0
     taken: list[int] = []
@@ -208,11 +247,11 @@ def dense_peak(loop: UnusualLoop, reported: float, points: int = POINTS) -> floa
         low, high = omega[max(index - 1, 0)], omega[min(index + 1, omega.size - 1)]
         for _ in range(3):
             inside = np.geomspace(low, high, REFINED)
-            rough = rough_bound(matrices(loop, inside))
+            rough = rough_bound(matrices(loop, inside), full=full)
             top = int(np.argmax(rough))
             low, high = inside[max(top - 1, 0)], inside[min(top + 1, REFINED - 1)]
         at = np.array([inside[top], omega[index]])
-        highest = max(highest, *(best_bound(N) for N in matrices(loop, at)))
+        highest = max(highest, *(best_bound(N, full=full) for N in matrices(loop, at)))
     return highest
 
 
