@@ -77,6 +77,9 @@ class Analysis(Generic[_Request, _Result]):
         Modules of the solver that it imports; the processes that compute have them imported.
     table : callable
         From result to what people read in a terminal.
+    fails : callable or None
+        Whether a result says that nothing further can be said, as of unstable loops: the command
+        then ends with the exit code of an infeasible task.
     figures : Figures or None
         Its figures, where it has any.
     immediate : callable
@@ -95,6 +98,7 @@ class Analysis(Generic[_Request, _Result]):
     computes_with: tuple[str, ...] = ()
     table: Callable[[_Result], Sequence[Part]]
     figures: Figures[Any] | None = None
+    fails: Callable[[_Result], bool] | None = None
     immediate: Callable[[_Request], bool] = _never
 
     @property

@@ -12,6 +12,7 @@ from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError
 
 __all__ = [
+    "NO_LESS",
     "OBJECTIVES",
     "TIME_UNIT",
     "Form",
@@ -24,6 +25,7 @@ __all__ = [
     "units_text",
 ]
 
+NO_LESS = 1e-6  # relative differences below this come from rounding: not worth a number
 TIME_UNIT = "time unit"  # what the caller's unit of time is called where it has no name
 OBJECTIVES = {"tau_p": "closed-loop time constant τP", "mu": "peak of μ"}
 _PEAKS = (
@@ -62,9 +64,11 @@ def optimality_text(proof: Optimality | None) -> str | None:
     if not proof.lower_bound:
         return "How far from the least possible τP: nothing was proven in the time."
     ended = "" if proof.status == "reached" else " in the time"
+    gap = proof.gap or 0.0
+    least = f"{number(proof.lower_bound)}, {100 * gap:.3g} % less than here"
     return (
         f"Proven{ended}: no settings in such groups and within the bounds reach a τP below "
-        f"{number(proof.lower_bound)}, {100 * (proof.gap or 0):.3g} % less than here."
+        f"{least if gap >= NO_LESS else 'the one here'}."
     )
 
 

@@ -5,7 +5,7 @@ Return stability and robustness with every set of loops in service, others in ma
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pydantic import ConfigDict, Field, JsonValue
 
@@ -15,18 +15,23 @@ from service.schemas.encoding import encode
 from service.schemas.fields import IdentifiedResult, ResultModel
 from service.schemas.given_loops import EXAMPLE, GivenLoops, LoopsTask
 from service.schemas.integral_controllability import IntegralControllability
-from service.schemas.peaks import Peak
+from service.schemas.peaks import Guarantee, Peak
 from service.wording import number, units_text
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 __all__ = ["ANALYSIS", "IntegrityRequest", "IntegrityResult"]
 
 _PEAK: JsonValue = {"value": 0.54, "omega": 0.97}
+_GUARANTEE: JsonValue = {"status": "proven", "level": 0.840084, "reason": None}
 _CLASS: JsonValue = {
     "in_service": [1, 0],
     "subsets": 1,
     "nominally_stable": True,
     "robust_stability": _PEAK,
     "robust_performance": {"value": 0.84, "omega": 1.2},
+    "guarantee": _GUARANTEE,
 }
 _DETUNING: JsonValue = {
     "factors": [0.0, 0.25, 0.5, 0.75, 1.0],
@@ -41,6 +46,14 @@ _SUMMARY = (
 )
 
 
+_CONTROLLABLE = {
+    "guaranteed": "Of the plant alone: some other or smaller settings with integral action would "
+    "be stable with any loops in manual and any gains reduced.",
+    "impossible": "Of the plant alone: no settings with integral action are stable with any loops "
+    "in manual and any gains reduced.",
+    "undecided": "Of the plant alone: whether settings with integral action can be stable with any "
+    "loops in manual and any gains reduced is not decided.",
+}
 _SHOWN = 15  # kinds of sets worth a line; all of them are in the JSON result
 
 
@@ -82,6 +95,12 @@ class ServiceClass(ResultModel):
     robust_performance: Peak | None = Field(
         description="Peak of mu for their robust performance; null where they are unstable.",
         examples=[_PEAK],
+    )
+    guarantee: Guarantee | None = Field(
+        default=None,
+        description="What is proven of that peak over all frequencies; null where they are "
+        "unstable.",
+        examples=[_GUARANTEE],
     )
 
 
@@ -168,12 +187,25 @@ def table(result: IntegrityResult) -> list[Part]:
     hidden = len(result.classes) - _SHOWN
     if hidden > 0:
         parts.append(Line(f"{hidden} more kinds of sets are in the JSON result (--json)."))
+    parts += [Line(text) for text in _proven(result.classes)]
     if result.detuning is not None:
         parts.append(Line(_detuned(result.detuning)))
     if result.controllability is not None:
         verdict = result.controllability.verdict
-        parts.append(Line(f"Decentralised integral control with any gains reduced: {verdict}."))
+        parts.append(Line(_CONTROLLABLE[verdict]))
     return parts
+
+
+def _proven(classes: Sequence[ServiceClass]) -> list[str]:
+    """Say of how many kinds the peaks are proven over all frequencies, and why not of others."""
+    known = [kind.guarantee for kind in classes if kind.guarantee is not None]
+    if not known:
+        return []
+    proven = sum(guarantee.status == "proven" for guarantee in known)
+    if proven == len(known):
+        return ["Proven: no frequency exceeds these peaks by more than 0.01 %."]
+    reason = next(guarantee.reason for guarantee in known if guarantee.status != "proven")
+    return [f"Proven over all frequencies: {proven} of {len(known)} kinds; else {reason}."]
 
 
 def _peak(peak: Peak | None) -> str:

@@ -391,5 +391,6 @@ ANALYSIS = Analysis(
     compute=compute,
     computes_with=("solver.robustness.analysis", "solver.certificate.search"),
     table=table,
+    fails=lambda result: not result.nominally_stable,
     figures=Figures(of="a robustness analysis", drawn=DrawnRobustness, draw=draw),
 )

@@ -32,7 +32,8 @@ def analyse_file(name: str, path: Path, *, as_json: bool) -> ExitCode:
     Returns
     -------
     ExitCode
-        BAD_INPUT where the request is at fault, or holds numbers too far apart; else DONE.
+        BAD_INPUT where the request is at fault, or holds numbers too far apart; INFEASIBLE where
+        the analysis fails, as of unstable loops; else DONE.
 
     """
     analysis = registry.load(name)
@@ -41,10 +42,12 @@ def analyse_file(name: str, path: Path, *, as_json: bool) -> ExitCode:
         document = compute(analysis.compute, request)
     except (ArithmeticError, np.linalg.LinAlgError):
         raise RequestError((Fault("", NumbersError().detail),)) from None
+    result = analysis.result.model_validate(document)
     if as_json:
         print(json.dumps(document, allow_nan=False))  # noqa: T201 - the output asked for
     else:
         from service.cli.console import show  # noqa: PLC0415 - needed for people alone
 
-        show(analysis.table(analysis.result.model_validate(document)))
-    return ExitCode.DONE
+        show(analysis.table(result))
+    failed = analysis.fails is not None and analysis.fails(result)
+    return ExitCode.INFEASIBLE if failed else ExitCode.DONE

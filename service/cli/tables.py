@@ -16,8 +16,8 @@ from service.printing import (
     warning_lines,
 )
 from service.schemas import TuningResult
-from service.schemas.tunings import SearchSummary
-from service.wording import number, optimality_text, units_text
+from service.schemas.tunings import Comparison, SearchSummary
+from service.wording import NO_LESS, number, optimality_text, units_text
 
 __all__ = ["side_by_side", "tuning_table"]
 
@@ -37,13 +37,7 @@ def tuning_table(result: TuningResult, *, interrupted: bool = False) -> list[Par
     if result.peaks is not None:
         parts.append(peaks_grid(result.peaks))
     if result.comparison is not None:
-        parts.append(
-            Line(
-                f"What asymmetry buys: {_objective(result)} instead of "
-                f"{number(result.comparison.identical_value)} with identical settings, "
-                f"{number(result.comparison.gain_percent)} % less."
-            )
-        )
+        parts.append(Line(_bought(result, result.comparison)))
     optimality = optimality_text(result.optimality)
     if optimality is not None:
         parts.append(Line(optimality))
@@ -52,6 +46,16 @@ def tuning_table(result: TuningResult, *, interrupted: bool = False) -> list[Par
     parts += proof_lines(result.certificate)
     parts.append(Line(_search(result.search)))
     return [*parts, *warning_lines(result.warnings)]
+
+
+def _bought(result: TuningResult, comparison: Comparison) -> str:
+    identical, percent = number(comparison.identical_value), comparison.gain_percent
+    if percent is None or percent < 100 * NO_LESS:
+        return f"Asymmetry buys nothing: identical settings reach {identical} too."
+    return (
+        f"What asymmetry buys: {_objective(result)} instead of {identical} with identical "
+        f"settings, {number(percent)} % less."
+    )
 
 
 _SETTINGS = (

@@ -62,6 +62,7 @@ function limit({ lower_bound: least, gap, status }) {
 
 /** What asymmetry buys. @param {any} result */
 function gain({ comparison: { gain_percent: percent, identical_value: value, identical_loop: loop }, objective }) {
+  if (!(percent >= 1e-4)) return h("p", { class: "gain" }, `Identical settings reach ${number(value)} too.`);
   const [better, unit] = objective === "tau_p" ? ["faster", ` ${timeUnit()}`] : ["lower", ""];
   return h("p", { class: "gain" }, h("strong", {}, `${number(percent, 3)} % ${better}`),
     ` than the best identical settings: those reach ${number(value)}${unit}`,

@@ -99,6 +99,11 @@ class Loop:
             claim.uncertainty.structure is Structure.FULL,
         )
 
+    @property
+    def raised(self) -> int:
+        """Powers of sigma that controllers and w_P need against poles at s = 0: one or none."""
+        return max(self.performance.integrators, *(c.integrators for c in self.controllers))
+
     def X(self, scales: Sequence[float]) -> list[fmpq]:  # noqa: N802 - the matrix X
         """Return the squared D-scale that goes with each of the settings."""
         squares = [exact(scale) ** 2 for scale in scales]
@@ -181,7 +186,7 @@ class EnclosedLoop:
         self.loop = loop
         self.frame = frame
         self._responses: dict[tuple[Response, int], TaylorModel] = {}
-        self._controllers = [ratio.enclose(frame, 1) for ratio in loop.controllers]
+        self._controllers = [ratio.enclose(frame, loop.raised) for ratio in loop.controllers]
         self.blocks = [self._enclose(block) for block in loop.blocks]
 
     def performance_form(self, index: int, X: Sequence[fmpq]) -> list[TaylorModel]:
@@ -216,13 +221,13 @@ class EnclosedLoop:
 
     @cached_property
     def _weights_squared(self) -> tuple[TaylorModel, TaylorModel]:
-        """|w_I|^2 and |sigma w_P|^2."""
+        """|w_I|^2 and |w_P|^2, the latter with its powers of sigma."""
         w_I = self.loop.uncertainty.enclose(self.frame, 0)
-        w_P = self.loop.performance.enclose(self.frame, 1)
+        w_P = self.loop.performance.enclose(self.frame, self.loop.raised)
         return w_I * w_I.conjugate, w_P * w_P.conjugate
 
     def _M(self, block: Block, X: Sequence[fmpq]) -> list[TaylorModel]:  # noqa: N802 - the matrix
-        """Return |sigma|^2 M, its diagonal."""
+        """Return M, its diagonal, with its powers of |sigma|^2."""
         w_I, w_P = self._weights_squared
         controllers = [self._controllers[x] for x in block.settings]
         return [
@@ -242,7 +247,7 @@ class EnclosedLoop:
             ]
             identity.append(powers)
             plant.append(row)
-            sigma_powers = powers * self.frame.sigma
+            sigma_powers = powers * self.frame.sigma if self.loop.raised else powers
             return_difference.append(
                 [
                     sigma_powers.scaled(t) + g * self._controllers[x]

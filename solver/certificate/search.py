@@ -46,7 +46,8 @@ class Obstacle(StrEnum):
     UNRESOLVED: the intervals became too narrow or too many near `omega`: (a) mu touches the level
     there: ask for a higher one, (b) a closed-loop pole lies on the imaginary axis, at s = 0 if the
     plant's static gain is singular, (c) the plant passes its input on at once and with dead time.
-    PROPORTIONAL: a loop lacks integral action, so that no D-scales serve from omega = 0 on.
+    PROPORTIONAL: a loop lacks integral action, and another has it or no offset is permitted, so
+    that no D-scales serve from omega = 0 on.
     TOO_LARGE: more than `MAX_SETTINGS` loops differ; give some of them equal settings.
     """
 
@@ -98,7 +99,7 @@ def certify(
     settings = settings_of(claim.plant, claim.loops, claim.performance.output_scale)
     if len(settings) > MAX_SETTINGS:
         return CertificateFailure(Obstacle.TOO_LARGE)
-    if any(loop.integral_time is None for loop in claim.loops):
+    if _leaves_powers(claim):
         return CertificateFailure(Obstacle.PROPORTIONAL)
     with working_precision(PRECISION):
         search = _Search(claim, interrupt)
@@ -118,6 +119,12 @@ class _ObstacleMetError(Exception):
     def __init__(self, obstacle: Obstacle, omega: float, mu: float) -> None:
         super().__init__(obstacle)
         self.failure = CertificateFailure(obstacle, omega, mu)
+
+
+def _leaves_powers(claim: Claim) -> bool:
+    """Whether integration in one place leaves powers of s in another that lacks it."""
+    without = [loop.integral_time is None for loop in claim.loops]
+    return any(without) and not (all(without) and claim.performance.offset > 0)
 
 
 class _Search:

@@ -20,6 +20,7 @@ from solver.certificate.enclosed_loop import Loop
 from solver.certificate.record import Claim
 from solver.certificate.reduction import MAX_SETTINGS, settings_of
 from solver.model.blocks import group_loops
+from solver.model.errors import InvalidInputError
 from solver.model.peaks import Peak, zoom
 from solver.robustness.curves import LoopAnalysis
 from solver.robustness.enclosed_forms import NOMINAL, ROBUST, STABILITY, TURN
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
     from solver.model.plants import Plant
     from solver.model.weights import Performance, Uncertainty
 
-__all__ = ["BRACKET", "AxisPeaks", "proven_count", "proven_peaks"]
+__all__ = ["BRACKET", "AxisPeaks", "proven_count", "proven_peaks", "require_bounded"]
 
 BRACKET = 1e-4  # relative width of what is proven; a touch of the level cannot be
 FIRST_STEP = 0.7  # log(ratio) of the ends of the first interval
@@ -54,6 +55,8 @@ SECTIONS, ROUNDS = 32, 4  # of a refinement: 16^4, a peak right to 1e-9 of its d
 NEAR = 3 * BRACKET  # maxima so far below the highest may be the highest once refined
 PER_DECADE = 12.0  # points that carry D-scales beyond the grid
 MAX_POLISHED = 20
+FURTHER = 1e4  # below the grid, where |w_P S| is level or grows in inverse proportion
+NAMED = 5  # loops in a message
 RESOLVING, BEND, MAX_SAMPLES = 12, 0.02, 20_000  # rounds, in log of the curve, in all
 
 
@@ -101,11 +104,17 @@ def proven_peaks(
     loops : sequence of Controller
         One a unit, nominally stable together.
 
+    Raises
+    ------
+    InvalidInputError
+        No offset is permitted, but the loops leave one.
+
     """
     blocks, controllers = group_loops(
         plant, loops, uncertainty.structure, performance.output_scale
     )
     analysis = LoopAnalysis(blocks, controllers, uncertainty, performance)
+    require_bounded(analysis, loops)
     compiled = _compiled(plant, uncertainty, performance, loops)
     omega = analysis.omega
     sampled = [analysis.level(kind, omega) for kind in (ROBUST, STABILITY, NOMINAL)]
@@ -134,6 +143,34 @@ def proven_peaks(
         curves,
         unstable,
     )
+
+
+def require_bounded(analysis: LoopAnalysis, loops: Sequence[Controller]) -> None:
+    """Refuse loops that leave an offset where none is permitted: mu grows without bound then.
+
+    S(0) is not zero unless each direction is integrated, by the controllers or by the plant.
+
+    Raises
+    ------
+    InvalidInputError
+        Such loops.
+
+    """
+    without = [unit for unit, loop in enumerate(loops) if loop.integral_time is None]
+    if analysis.performance.offset > 0 or not without:
+        return
+    end = analysis.omega[0]
+    at_end, far = analysis.nominal_performance(np.array([end, end / FURTHER]))
+    if far > math.sqrt(FURTHER) * at_end:
+        which = "loop" if len(without) == 1 else "loops"
+        names = ", ".join(str(unit + 1) for unit in without[:NAMED])
+        names += ", ..." if len(without) > NAMED else ""
+        message = (
+            f"no offset is permitted, but without integral action in {which} {names} one remains: "
+            "mu grows without bound towards the frequency zero; permit an offset above 0, or give "
+            "an integral time"
+        )
+        raise InvalidInputError(message, "/performance/offset")
 
 
 def proven_count(plant: Plant, loops: Sequence[Controller], analysis: LoopAnalysis) -> int | None:
@@ -214,6 +251,9 @@ class _Search:
         far = far_phases(self.analysis.blocks.plant, self.analysis.omega[-1])
         if far.size:
             self._look(far)
+            # A peak there is narrow where the loop gain is near one: the samples may miss its top.
+            start = int(np.searchsorted(self.omega, far[0]))
+            self._refine(np.array([start + int(np.argmax(self.values[start:]))]))
         if self.compiled is None:
             self.reason = f"more than {MAX_SETTINGS} loops differ"
             self._resolve()
@@ -253,7 +293,7 @@ class _Search:
         """Return a frequency from which the curve is proven to the end of the axis."""
         factor = TAIL_STEP if upper else 1 / TAIL_STEP
         start = float(self.analysis.omega[-1 if upper else 0])
-        ends = start * factor ** np.arange(TAIL_STEPS)
+        ends = (start * factor ** np.arange(TAIL_STEPS)).astype(np.float64)
         ends = ends[(ends < 1e200) & (ends > 1e-200)]
         # Inside the interval, where one set of scales serves best.
         inside = 2 * ends if upper else 0.5 * ends
@@ -281,7 +321,7 @@ class _Search:
         if upper and plant.n == 1 and any_phase(plant):
             bound = bound_beyond(
                 plant, analysis.uncertainty, analysis.performance, analysis.controllers[0],
-                self.curve, end,
+                curve=self.curve, end=end,
             )  # fmt: skip
             if bound <= (1 + BRACKET) * self.peak.value:
                 return True

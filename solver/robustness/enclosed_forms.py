@@ -145,7 +145,7 @@ def _enclose_matrices(T, S, var, block):
     row, entry = T.row0[block], T.entry0[block]
     size = T.row0[block + 1] - row
     for r in range(size):
-        _powers(models, var, T.row_integrators[row + r] + 1, spare, spare + 3)
+        _powers(models, var, T.row_integrators[row + r] + T.raised, spare, spare + 3)
         for i in range(size):
             at = r * size + i
             copy_scaled(models, S.uses + T.use[entry + at], T.factor[entry + at], S.G + at)
@@ -408,7 +408,7 @@ def holds(T, S, low, high, x, level2, kind, angles):
         for block in range(angles.size):
             angles[block] += S.found[block]
             if tail:  # there the rows lack their powers of s, which turn by a quarter each
-                powers = T.row0[block + 1] - T.row0[block]
+                powers = T.raised * (T.row0[block + 1] - T.row0[block])
                 for row in range(T.row0[block], T.row0[block + 1]):
                     powers += T.row_integrators[row]
                 angles[block] -= 0.5 * powers

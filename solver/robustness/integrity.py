@@ -28,7 +28,7 @@ from solver.model.given import require_loops, require_weights
 from solver.model.peaks import Peak
 from solver.model.plants import ParallelPlant
 from solver.model.subsystems import interchangeable, subsystem
-from solver.robustness.axis import proven_peaks
+from solver.robustness.axis import proven_peaks, require_bounded
 from solver.robustness.curves import LoopAnalysis
 from solver.robustness.record import Guarantee, GuaranteeStatus
 from solver.robustness.subset_peaks import peaks
@@ -268,6 +268,7 @@ def _sampled(
         uncertainty,
         performance,
     )
+    require_bounded(analysis, loops)
     errors = None
     if performance.output_scale is not None:
         groups = interchangeable(sets.plant, loops, performance.output_scale)

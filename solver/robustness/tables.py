@@ -49,6 +49,7 @@ class Tables(NamedTuple):
     settings: NDArray[np.int64]
     weights: NDArray[np.float64]
     row_integrators: NDArray[np.int64]
+    raised: int
     multiplicity: NDArray[np.int64]
     combination: NDArray[np.float64]
     factor: NDArray[np.float64]
@@ -62,7 +63,7 @@ def tables(loop: Loop) -> Tables:
     terms.append((fmpq(0), loop.performance))
     terms += loop.uncertainty.terms
     functions = len(loop.controllers) + 2
-    jobs = [(index, 1, index, True) for index in range(functions - 1)]
+    jobs = [(index, loop.raised, index, True) for index in range(functions - 1)]
     jobs += [
         (index, 0, functions - 1, index == functions - 1)
         for index in range(functions - 1, len(terms))
@@ -116,6 +117,7 @@ def tables(loop: Loop) -> Tables:
         settings=np.concatenate([np.array(block.settings) for block in loop.blocks]),
         weights=np.array([_double(w) for block in loop.blocks for w in block.weights]),
         row_integrators=np.array([count for block in loop.blocks for count in block.integrators]),
+        raised=loop.raised,
         multiplicity=np.array([block.multiplicity for block in loop.blocks]),
         combination=_entries([block.combination for block in loop.blocks]),
         factor=_entries([block.factors for block in loop.blocks]),

@@ -60,6 +60,7 @@ def bound_beyond(
     uncertainty: Uncertainty,
     performance: Performance,
     loop: Controller,
+    *,
     curve: int,
     end: float,
 ) -> float:

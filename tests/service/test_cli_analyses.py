@@ -155,3 +155,29 @@ def test_numbers_beyond_double_precision_are_bad_input(
     monkeypatch.setattr(registry, "load", lambda _: failing)
     assert analyse_file("interaction", path, as_json=True) is ExitCode.BAD_INPUT
     assert "too far apart" in capsys.readouterr().err
+
+
+def test_unstable_loops_in_service_are_no_contradiction() -> None:
+    """What the plant permits is told as such, beside settings that are unstable; exit code 3."""
+    plant = {
+        "kind": "parallel", "n": 2,
+        "process": {"num": [1.0], "den": [100.0, 1.0], "dead_time": 1},
+        "interaction": {"num": [0.5], "den": [100.0, 1.0], "dead_time": 1},
+    }  # fmt: skip
+    request = {
+        "plant": plant,
+        "uncertainty": {"structure": "diagonal", "epsilon": 0.2, "theta": 1.0},
+        "performance": {"tau_p": 20.0},
+        "loops": [{"gain": 1e4, "integral_time": 10.0}] * 2,
+    }
+    found = _mutune("robustness", "-", request=request)
+    assert found.exit_code == ExitCode.INFEASIBLE
+    assert found.stdout.startswith("Unstable")
+    words = " ".join(_mutune("integrity", "-", request=request).stdout.split())
+    assert "Of the plant alone: some other or smaller settings" in words
+    assert "guaranteed" not in words
+    request["loops"] = [{"gain": 20.0, "integral_time": 50.0}] * 2
+    result = json.loads(_mutune("integrity", "-", "--json", request=request).stdout)
+    assert {kind["guarantee"]["status"] for kind in result["classes"]} == {"proven"}
+    words = " ".join(_mutune("integrity", "-", request=request).stdout.split())
+    assert "Proven: no frequency exceeds these peaks by more than 0.01 %." in words

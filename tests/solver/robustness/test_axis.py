@@ -8,14 +8,15 @@ import pytest
 from solver.certificate import Certificate, Claim, check
 from solver.certificate.search import certify
 from solver.model.controllers import Controller
-from solver.model.plants import MatrixPlant, first_order
+from solver.model.errors import InvalidInputError
+from solver.model.plants import MatrixPlant, ParallelPlant, first_order
 from solver.model.transfer_function import TransferFunction
 from solver.model.weights import Performance, Uncertainty
 from solver.robustness.analysis import analyse
 from solver.robustness.axis import BRACKET, proven_peaks
 from solver.robustness.record import GuaranteeStatus
 from solver.stability.closed_loop import is_stable
-from tests.solver.robustness.unusual_loops import dense_peak, draw, unstable_count
+from tests.solver.robustness.unusual_loops import dense_peak, draw, draw_any, unstable_count
 from tests.zoo import ZOO
 
 COARSE = 3_000  # points of a check here; the bench takes 20,000
@@ -119,3 +120,79 @@ def test_unusual_loops(seed: int) -> None:
     assert found.unstable in {0, None}
     peak = found.peaks.robust_performance.value
     assert dense_peak(drawn, peak, COARSE) <= peak * (1 + 1e-6)
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_unusual_loops_of_every_kind(seed: int) -> None:
+    """P, PD, PID, free filters, full uncertainty, permitted offsets: the same holds."""
+    drawn = draw_any(np.random.default_rng(seed))
+    stable = is_stable(drawn.plant, drawn.loops)
+    counted = unstable_count(drawn, COARSE)
+    if counted is not None:
+        assert stable == (counted == 0)
+    if not stable:
+        return
+    found = proven_peaks(drawn.plant, drawn.uncertainty, drawn.performance, drawn.loops)
+    assert found.unstable in {0, None}
+    peak = found.peaks.robust_performance.value
+    assert dense_peak(drawn, peak, COARSE) <= peak * (1 + 1e-6)
+
+
+def test_proportional_control_is_proven_down_to_zero() -> None:
+    """A permitted offset keeps mu finite at steady state, where the proof must reach."""
+    plant, loops = first_order(2, 1, 100, 0.5, 1), [Controller(20, None), Controller(10, None, 1)]
+    performance = Performance(tau_p=20, offset=0.2)
+    found = proven_peaks(plant, Uncertainty.from_error(0.2, 1), performance, loops)
+    assert found.guarantee.status is GuaranteeStatus.PROVEN
+    assert found.unstable == 0
+    level = found.guarantee.level
+    claim = Claim(plant, Uncertainty.from_error(0.2, 1), performance, tuple(loops), level)
+    certificate = certify(claim)
+    assert isinstance(certificate, Certificate)
+    assert check(certificate).ok
+
+
+def test_proportional_control_of_integrating_loops_needs_no_offset() -> None:
+    """An integrating plant leaves no offset of a set point: the demand can be bounded."""
+    plant = ParallelPlant(1, TransferFunction([1], [10, 1, 0]), TransferFunction([0], [1]))
+    performance = Performance(tau_p=100)
+    found = proven_peaks(
+        plant, Uncertainty.from_error(0.2, 1), performance, [Controller(0.05, None)]
+    )
+    assert found.peaks.robust_performance.value < 10
+
+
+@pytest.mark.parametrize(
+    "loops", [[Controller(20, None)] * 2, [Controller(20, 50), Controller(9, None, 1)]]
+)
+def test_an_offset_that_is_not_permitted_is_refused(loops: list[Controller]) -> None:
+    """Without integral action mu grows without bound towards zero: no number stands for that."""
+    plant = first_order(2, 1, 100, 0.5, 1)
+    with pytest.raises(InvalidInputError, match="no offset is permitted") as error:
+        proven_peaks(plant, Uncertainty.from_error(0.2, 1), Performance(tau_p=20), loops)
+    assert error.value.field == "/performance/offset"
+
+
+@pytest.mark.parametrize("gain", [0.02, 0.1, 1 / 6, 0.3, 0.9])
+def test_a_gain_behind_dead_time_alone(gain: float) -> None:
+    """At infinity the phase takes every value: the supremum is (2 k + 1/2)/(1 - k), proven."""
+    plant = ParallelPlant(1, TransferFunction([1], [1], 5), TransferFunction([0], [1]))
+    found = proven_peaks(
+        plant, Uncertainty.from_error(0.2, 1), Performance(tau_p=1e5), [Controller(gain, 100)]
+    )
+    exact = (2 * gain + 0.5) / (1 - gain)
+    assert found.peaks.robust_performance.value == pytest.approx(exact, rel=2e-6)
+    assert found.guarantee.status is GuaranteeStatus.PROVEN
+    assert found.guarantee.level >= exact
+
+
+def test_many_phases_at_infinity_are_told() -> None:
+    """Two loops with dead time fed through: no proof, and the reason says why."""
+    element = TransferFunction([2, 1], [10, 1], 5)
+    other = TransferFunction([0.4, 0.1], [8, 1], 3)
+    plant = MatrixPlant([[element, other], [other, element]])
+    found = proven_peaks(
+        plant, Uncertainty.from_error(0.2, 1), Performance(tau_p=300), [Controller(1, 20)] * 2
+    )
+    assert found.guarantee.status is GuaranteeStatus.OPEN
+    assert "has any phase" in str(found.guarantee.reason)
