@@ -28,6 +28,7 @@ from service.schemas.worst_case import WorstCase
 from service.wording import number, units_text
 from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError
+from solver.tuning.advice import NEAR_ONE, weights_factor
 
 __all__ = ["ANALYSIS", "RobustnessRequest", "RobustnessResult", "RobustnessTask"]
 
@@ -248,6 +249,9 @@ def table(result: RobustnessResult) -> list[Part]:
     parts: list[Part] = [*_verdict(result), *(line for line in tolerance if line.style != "plain")]
     if result.peaks is not None:
         parts.append(peaks_grid(result.peaks))
+        peak = result.peaks.robust_performance.value
+        if peak is not None and peak > 0 and abs(peak - 1) > NEAR_ONE:
+            parts.append(Line(weights_factor(peak)))
     if result.guarantee is not None and result.certificate is None:
         parts.append(Line(_proven(result.guarantee)))
     if result.lower_bound is not None:

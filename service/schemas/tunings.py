@@ -323,6 +323,11 @@ class TuningResult(IdentifiedResult, ResultModel):
     omega: float | None = Field(
         description="The frequency that forbids it, rad per time unit.", examples=[None]
     )
+    advice: list[str] = Field(
+        default=[],
+        description="How the result may be read and used.",
+        examples=[["The units are identical, so the settings may be interchanged: ..."]],
+    )
     warnings: list[str] = Field(description="What to look at twice.", examples=[[]])
 
 

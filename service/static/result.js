@@ -28,6 +28,8 @@ export function resultView(body, job) {
     h("div", { class: "cards" }, found ? headline(job) : infeasible(result), found && settings(result)),
     result.warnings.length > 0 && h("section", { class: "card warning" }, h("h2", {}, "Look at this twice"),
       h("ul", {}, result.warnings.map((text) => h("li", {}, sentence(text))))),
+    result.advice?.length > 0 && h("section", { class: "card" }, h("h2", {}, "Good to know"),
+      h("ul", {}, result.advice.map((/** @type {string} */ text) => h("li", {}, sentence(text))))),
     actions(job, found), figures, found && result.objective === "tau_p" && tradeOff(job),
     h("div", { class: "cards" }, result.certificate && certificate(job), asked(job)));
   showFigures(figures, figuresOf(id), fileName(id));

@@ -22,6 +22,7 @@ from solver.interaction.interpretation import (
     read_loop,
 )
 from solver.interaction.loop_effect import StaticEffect, static_effects
+from solver.interaction.nearest_parallel import NearestParallel, nearest_parallel
 from solver.interaction.own_zeros import LoopLimit, loop_limits
 from solver.interaction.pairing import (
     Pairing,
@@ -30,7 +31,7 @@ from solver.interaction.pairing import (
     rank_pairings,
     rank_parallel_pairings,
 )
-from solver.interaction.pairing_advice import gain_warnings, pairing_warnings
+from solver.interaction.pairing_advice import gain_warnings, pairing_warnings, parallel_warnings
 from solver.interaction.parallel_forms import ParallelForms, parallel_forms
 from solver.interaction.parallel_matrix import ParallelMatrix
 from solver.interaction.relative_gain import (
@@ -43,7 +44,7 @@ from solver.interaction.relative_gain import (
 from solver.interaction.zeros import TransmissionZeros, ZeroMethod, transmission_zeros
 from solver.model.equality import ByValue
 from solver.model.frequencies import corners_of
-from solver.model.plants import MAX_MATRIX_SIZE, ParallelPlant, Plant
+from solver.model.plants import MAX_MATRIX_SIZE, MatrixPlant, ParallelPlant, Plant
 from solver.model.remarks import plant_remarks
 from solver.model.validation import MAX_FREQUENCIES, frequencies, instance
 
@@ -111,6 +112,8 @@ class Interaction(ByValue):
         The array over frequency.
     parallel : ParallelForms or None
         For identical units, n > 1, with a finite gain.
+    nearest_parallel : NearestParallel or None
+        For a matrix plant, n > 1, with a finite gain in every loop.
     warnings : tuple of str
         What to look at twice.
 
@@ -134,6 +137,7 @@ class Interaction(ByValue):
     effects: tuple[StaticEffect, ...]
     curves: RelativeGainCurves
     parallel: ParallelForms | None
+    nearest_parallel: NearestParallel | None
     warnings: tuple[str, ...] = field(default=())
 
 
@@ -183,6 +187,9 @@ def analyse_interaction(plant: Plant, omega: ArrayLike | None = None) -> Interac
             controllability = parallel_integral_controllability(matrix)
     elif stable:
         controllability = integral_controllability(low.gain)
+    nearest = None
+    if isinstance(plant, MatrixPlant) and plant.n > 1 and finite:
+        nearest = nearest_parallel(plant, omega)
     zeros = transmission_zeros(plant)
     limits = loop_limits(plant, zeros)
     return Interaction(
@@ -206,11 +213,13 @@ def analyse_interaction(plant: Plant, omega: ArrayLike | None = None) -> Interac
         effects=static_effects(low.gain) if regular else (),
         curves=RelativeGainCurves(omega, relative_gain_at(plant.response(omega))),
         parallel=parallel,
+        nearest_parallel=nearest,
         warnings=(
             *plant_remarks(plant),
             *_warnings(low.status, stable=stable, loops=loops, controllability=controllability),
             *gain_warnings(relative_gains, loops),
             *pairing_warnings(ranking, controllability),
+            *parallel_warnings(nearest),
             *_zero_warnings(zeros, limits),
         ),
     )
@@ -255,6 +264,7 @@ def _analyse_many_units(plant: ParallelPlant, omega: NDArray[np.float64]) -> Int
         effects=(),
         curves=RelativeGainCurves(omega, None),
         parallel=parallel_forms(plant, matrix, omega) if finite else None,
+        nearest_parallel=None,
         warnings=(
             *plant_remarks(plant),
             *_warnings(status, stable=stable, loops=loops, controllability=controllability),

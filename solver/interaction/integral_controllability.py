@@ -152,7 +152,8 @@ def parallel_integral_controllability(matrix: ParallelMatrix) -> IntegralControl
     elif a > 1:
         reason = (
             f"the interaction a = {a:.6g} is above 1: each input moves the other outputs more than "
-            "its own, so the differences between units go the wrong way"
+            "its own, so the differences between units go the wrong way, which units that split a "
+            "stream or share a feed do not; check the model, or pair the loops anew"
         )
     else:
         # The sub-system of m units has the lower limit -1/(m-1): the smallest m that fails.
@@ -160,8 +161,8 @@ def parallel_integral_controllability(matrix: ParallelMatrix) -> IntegralControl
         failing = tuple(range(count))
         reason = (
             f"the interaction a = {a:.6g} is not above -1/(n-1) = {lower:.6g}: "
-            "the sum of the outputs goes the wrong way, which no split of a given stream does; "
-            "check the model"
+            "the sum of the outputs goes the wrong way, which is physically impossible for a split "
+            "of one stream; check the model, or pair the loops anew"
         )
     return IntegralControllability(
         Verdict.IMPOSSIBLE, (reason,), (failing,), smallest, None, lower, 1.0

@@ -21,12 +21,14 @@ if TYPE_CHECKING:
 
     from solver.interaction.integral_controllability import IntegralControllability
     from solver.interaction.interpretation import LoopReading
+    from solver.interaction.nearest_parallel import NearestParallel
     from solver.interaction.pairing import PairingRanking
 
-__all__ = ["gain_warnings", "pairing_warnings"]
+__all__ = ["gain_warnings", "pairing_warnings", "parallel_warnings"]
 
 LARGE = 10.0  # SLH: from here on control is difficult whatever the controller
 _VERY_LARGE = 100.0
+_UNEVEN = 5.0  # of the two eigenvalues: one direction is weak
 _EVEN = 0.05  # a relative gain this near 0.5 favours neither pairing of two loops
 
 
@@ -119,3 +121,37 @@ def pairing_warnings(
             )
         )
     return tuple(found)
+
+
+def parallel_warnings(nearest: NearestParallel | None) -> tuple[str, ...]:
+    """Say of a matrix plant that it is nearly a parallel one, and what that means.
+
+    Parameters
+    ----------
+    nearest : NearestParallel or None
+        The nearest parallel plant; None where there is none.
+
+    """
+    if nearest is None or not nearest.near:
+        return ()
+    turned = [
+        f"{name} {index + 1}"
+        for name, signs in (("output", nearest.output_signs), ("input", nearest.input_signs))
+        for index, sign in enumerate(signs)
+        if sign < 0
+    ]
+    signs = f", the sign of {' and '.join(turned)} turned" if turned else ""
+    n = len(nearest.input_signs)
+    total, difference = abs(1 + (n - 1) * nearest.interaction), abs(1 - nearest.interaction)
+    message = (
+        f"The plant is nearly {n} identical units with a = {nearest.interaction:.3g} (within "
+        f"{100 * nearest.greatest_distance:.3g} % at every frequency{signs}): what is said of "
+        "parallel units nearly holds"
+    )
+    if max(total, difference) > _UNEVEN * min(total, difference):
+        weak = "sum" if total < difference else "differences"
+        message += (
+            f". The {weak} of the outputs, signs so turned, is the weak direction; unlike settings "
+            "may serve better than alike ones"
+        )
+    return (message + ".",)

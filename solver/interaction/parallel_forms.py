@@ -40,6 +40,8 @@ class ParallelForms:
         Largest over smallest singular value.
     own_relative_gains, other_relative_gains : (k,) complex
         Eqs. 13 and 14 at the frequencies of the curves.
+    interactions : (k,) complex
+        a(j omega) = i/g, eq. 2, at these; NaN where the process vanishes.
     deviation : float or None
         Greatest relative difference between closed forms and dense matrix computations, as a
         check; None above 10 units.
@@ -58,6 +60,7 @@ class ParallelForms:
     condition_number: float
     own_relative_gains: NDArray[np.complex128]
     other_relative_gains: NDArray[np.complex128]
+    interactions: NDArray[np.complex128]
     deviation: float | None
 
 
@@ -77,9 +80,9 @@ def parallel_forms(
 
     """
     regular = not matrix.is_singular
-    own, other = relative_gains_over_frequency(
-        plant.n, plant.process.response(omega), plant.interaction.response(omega)
-    )
+    g, i = plant.process.response(omega), plant.interaction.response(omega)
+    own, other = relative_gains_over_frequency(plant.n, g, i)
+    missing = complex(np.nan, np.nan)
     own_gain, other_gain = float(np.real(matrix.own)), float(np.real(matrix.other))
     return ParallelForms(
         interaction=other_gain / own_gain if own_gain else math.inf,
@@ -94,6 +97,7 @@ def parallel_forms(
         condition_number=matrix.condition_number,
         own_relative_gains=own,
         other_relative_gains=other,
+        interactions=np.divide(i, g, out=np.full_like(g, missing), where=g != 0),
         deviation=_deviation(matrix) if regular and matrix.n <= MAX_MATRIX_SIZE else None,
     )
 

@@ -117,7 +117,8 @@ def _parallel(plant: ParallelPlant) -> Obstacle | None:
         return _without_gain(plant)
     reason = (
         f"the steady-state interaction a = {a:.6g} lies outside {low:.6g} < a < 1: the plant "
-        f"is not decentralised integral controllable{ELSE}"
+        f"is not decentralised integral controllable. This is physically impossible for a split "
+        f"of one stream: check the model, or pair the loops anew{ELSE}"
     )
     return Obstacle(reason, 0.0, whatever_signs=False)
 

@@ -98,7 +98,8 @@ class Tuning:
     where it was asked for and found. `tau_p` (time units) and the peaks belong to `loops`, one
     a unit, `groups` lists the units that share settings; `guarantee` tells what is proven of the
     peak for all frequencies; `integrity` says in one line what
-    happens with loops in manual; `optimality` how far tau_p is from the least possible one.
+    happens with loops in manual; `optimality` how far tau_p is from the least possible one;
+    `advice` how the result may be read and used, in sentences.
     Where `status` is INFEASIBLE, `reason` and `omega` (the frequency that forbids it, rad per
     time unit) say why, and the other fields are None or empty.
     """
@@ -119,6 +120,7 @@ class Tuning:
     integrity: str | None = None
     reason: str | None = None
     omega: float | None = None
+    advice: tuple[str, ...] = field(default=())
     warnings: tuple[str, ...] = field(default=())
 
     @property

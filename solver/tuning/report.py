@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from solver.certificate.search import prove
 from solver.model.remarks import plant_remarks
 from solver.robustness.integrity import in_one_line
+from solver.tuning.advice import advice
 from solver.tuning.bounds import gain_signs
 from solver.tuning.clock import OutOfTimeError
 from solver.tuning.endless import remarks
@@ -99,6 +100,9 @@ def report(
             end.performance,
             end.loops,
             whole=(end.peaks, end.guarantee),
+        ),
+        advice=advice(
+            specification, end.performance, end.loops, end.peaks.robust_performance.value
         ),
         warnings=tuple(warnings),
     )

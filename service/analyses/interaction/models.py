@@ -330,10 +330,44 @@ class ParallelForms(BaseModel):
     other_relative_gains: list[Complex] = Field(
         description="Off-diagonal element over frequency.", examples=[[{"re": -9.06, "im": 0.0}]]
     )
+    interactions: list[Complex] = Field(
+        description="The degree of interaction a over frequency.",
+        examples=[[{"re": 0.949, "im": 0.0}]],
+    )
     deviation: float | None = Field(
         description="Greatest relative difference from dense matrix computations; null above 10 "
         "units.",
         examples=[1e-15],
+    )
+
+
+class NearestParallel(BaseModel):
+    """The plant of identical units nearest to a matrix plant, in the units given."""
+
+    own: float = Field(description="Static gain k of a unit.", examples=[0.987])
+    interaction: float = Field(
+        description="Degree of interaction a at steady state; a and -a are one plant of two units.",
+        examples=[-0.986],
+    )
+    output_signs: list[int] = Field(
+        description="-1: the output is counted the other way round.", examples=[[1, -1]]
+    )
+    input_signs: list[int] = Field(
+        description="-1: the input is counted the other way round.", examples=[[1, 1]]
+    )
+    distance: float = Field(
+        description="Norm of the difference of the static gains over that of the gain.",
+        examples=[0.11],
+    )
+    greatest_distance: float = Field(
+        description="The largest one over the frequencies of the curves.", examples=[0.11]
+    )
+    interactions: list[Complex] = Field(
+        description="The degree of interaction a over frequency.",
+        examples=[[{"re": -0.986, "im": 0.0}]],
+    )
+    near: bool = Field(
+        description="Whether the greatest distance is at most 0.15.", examples=[True]
     )
 
 
@@ -442,6 +476,12 @@ class InteractionResult(IdentifiedResult):
     )
     parallel: ParallelForms | None = Field(
         description="Closed forms for identical units.", examples=[None]
+    )
+    nearest_parallel: NearestParallel | None = Field(
+        default=None,
+        description="How near a matrix plant is to identical units; null: a loop has no finite "
+        "static gain of its own.",
+        examples=[None],
     )
     effect: LoopEffectResult | None = Field(description="The effect asked for.", examples=[None])
     warnings: list[str] = Field(description="What to look at twice.", examples=[[]])

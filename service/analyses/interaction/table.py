@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from service.analyses.interaction.models import (
     InteractionResult,
     LoopEffectResult,
@@ -10,6 +12,7 @@ from service.analyses.interaction.models import (
     TransmissionZeros,
 )
 from service.printing import Grid, Line, Part, matrix, warning_lines
+from service.schemas.drawn import Complex
 from service.wording import number
 
 __all__ = ["table"]
@@ -56,6 +59,7 @@ def _parallel(n: int, forms: ParallelForms) -> Grid:
         (name, number(value))
         for name, value in (
             ("interaction a", forms.interaction),
+            ("largest |a| over frequency", _largest(forms.interactions)),
             ("relative gain, own", forms.own_relative_gain),
             ("relative gain, other", forms.other_relative_gain),
             ("eigenvalue of the sum", forms.sum_eigenvalue),
@@ -64,6 +68,17 @@ def _parallel(n: int, forms: ParallelForms) -> Grid:
         )
     ]
     return Grid((f"{n} identical units", ""), rows, frozenset({0, 1}))
+
+
+def _largest(curve: list[Complex]) -> float | None:
+    return max(
+        (
+            math.hypot(each.re, each.im)
+            for each in curve
+            if each.re is not None and each.im is not None
+        ),
+        default=None,
+    )
 
 
 def _pairings(ranking: PairingRanking) -> Grid:
