@@ -101,8 +101,12 @@ def agrees(task, settings, tau_p):
     c = np.stack([each.response(omega) for each in loops], axis=1)
     S = np.linalg.inv(np.eye(n) + G * c[:, None, :])
     CS = c[:, :, None] * S
+    # The inputs in units in which the plant's columns are alike: mu is the same, and AB13MD, which
+    # fails on numbers far apart, finds it.
+    unit = np.linalg.norm(G, axis=1)
     w_I = task.uncertainty.magnitude(omega)[:, None, None]
     w_P = task.performance.with_tau_p(tau_p).magnitude(omega)[:, None, None]
+    CS, G = unit[:, :, None] * CS, G / unit[:, None, :]
     N = np.block([[w_I * CS @ G, w_I * CS], [w_P * S @ G, w_P * S]])
     sizes, kinds = np.array([1] * n + [n], np.int32), np.full(n + 1, 2, np.int32)
     return max(ab13md(each, sizes, kinds)[0] for each in N) <= 1 + AGREEMENT
