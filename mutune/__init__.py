@@ -71,6 +71,7 @@ if TYPE_CHECKING:
     from solver.simulation.loops import Limits, Loop
     from solver.simulation.step_response import Metrics, StepResponse, UnitResponse, step_response
     from solver.simulation.worst_actuators import with_worst_actuators, worst_actuators
+    from solver.tuning.demands import DemandOutcome, Demands
     from solver.tuning.record import (
         Comparison,
         LocalOptimum,
@@ -110,6 +111,8 @@ __all__ = [
     "Curves",
     "Decoupling",
     "DecouplingSpecification",
+    "DemandOutcome",
+    "Demands",
     "Detuning",
     "DiagonalPerturbation",
     "Drive",
@@ -258,6 +261,7 @@ _HOMES = {
     "solver.simulation.loops": "Limits Loop",
     "solver.simulation.step_response": "Metrics StepResponse UnitResponse step_response",
     "solver.simulation.worst_actuators": "with_worst_actuators worst_actuators",
+    "solver.tuning.demands": "DemandOutcome Demands",
     "solver.tuning.record": "Comparison LocalOptimum Progress SearchSummary Status Tuning",
     "solver.tuning.specification": (
         "Arrangement Bounds ControllerKind Objective Signs Specification"

@@ -38,6 +38,15 @@ def tuning_table(result: TuningResult, *, interrupted: bool = False) -> list[Par
         parts.append(peaks_grid(result.peaks))
     if result.comparison is not None:
         parts.append(Line(_bought(result, result.comparison)))
+    if result.demands:
+        rows = [
+            (
+                each.name.replace("_", " "), number(each.limit), number(each.value),
+                ("binds" if each.active else "met") if each.met else "not met",
+            )
+            for each in result.demands
+        ]  # fmt: skip
+        parts.append(Grid(("demand", "limit", "value", ""), rows))
     optimality = optimality_text(result.optimality)
     if optimality is not None:
         parts.append(Line(optimality))

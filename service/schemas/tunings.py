@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Field, JsonValue
 
 from service.schemas.controllers import ControllerChoice, Loop
+from service.schemas.demands import DemandOutcome, Demands
 from service.schemas.encoding import encode
 from service.schemas.fields import (
     WHOLE,
@@ -111,6 +112,11 @@ class TuningRequest(RecordedRequest):
         description="Which controllers may be used.",
         examples=[EXAMPLE["controller"]],
     )
+    demands: Demands = Field(
+        default=Demands(),
+        description="Hard constraints on the settings, beside robust performance.",
+        examples=[{"max_load_error": 1.5}],
+    )
     objective: Literal["tau_p", "mu"] = Field(
         default="tau_p",
         description="tau_p: the fastest closed loop; mu: the smallest peak of mu at a given "
@@ -146,6 +152,8 @@ class TuningRequest(RecordedRequest):
             performance = self.performance.build()
         with below("/controller/bounds"):
             bounds = self.controller.bounds.build()
+        with below("/demands"):
+            demands = self.demands.build()
         start = None
         if self.search.start is not None:
             with below("/search/start"):
@@ -160,6 +168,7 @@ class TuningRequest(RecordedRequest):
             objective=Objective(self.objective),
             bounds=bounds,
             signs=Signs(self.controller.signs),
+            demands=demands,
             start=start,
             starts=self.search.starts,
             seed=self.search.seed,
@@ -304,6 +313,11 @@ class TuningResult(IdentifiedResult, ResultModel):
         default=None,
         description="What is proven of the peak of robust performance over all frequencies.",
         examples=[{"status": "proven", "level": 1.0001, "reason": None}],
+    )
+    demands: list[DemandOutcome] = Field(
+        default=[],
+        description="What the settings make of each demand.",
+        examples=[[]],
     )
     comparison: Comparison | None = Field(
         description="What asymmetry buys, for the arrangement best.", examples=[None]

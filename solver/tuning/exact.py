@@ -103,8 +103,8 @@ class ExactDescent:
         """Return the peaks of the demand's excess between the points of the grid."""
         omega = self.objective.omega
         peaks, _ = local_peaks(
-            lambda points: self._excess(here, points), omega, here.demand - here.level,
-            within=NEARLY_ACTIVE, rounds=FIRST_ZOOMS,
+            lambda points: self._excess(here, points), omega,
+            (here.demand - here.level)[: omega.size], within=NEARLY_ACTIVE, rounds=FIRST_ZOOMS,
         )  # fmt: skip
         return self._missed(here, omega, peaks)
 

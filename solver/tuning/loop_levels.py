@@ -8,7 +8,7 @@ from solver.model.controllers import DERIVATIVE_FILTER
 from solver.mu.scaling import sweep
 from solver.mu.workspace import compiled
 
-__all__ = ["ends_at_rest", "loop_levels", "winds_as_stable"]
+__all__ = ["ends_at_rest", "loop_levels", "responses", "winds_as_stable"]
 
 AT_REST = 0.2  # relative change of det over the last step, a loop gain of about 1/2 by then
 
@@ -42,7 +42,7 @@ def loop_levels(theta, signs, lead, omega, G, u, b, layout, all_free, nu, cold, 
     """
     controllers = signs.size
     per = theta.size // controllers
-    c, dc = _responses(theta, signs, lead, omega)
+    c, dc = responses(theta, signs, lead, omega)
     level, slope, det = sweep(G, c, u, b, layout, all_free, nu, cold, y)
     gradient = np.empty((omega.size, theta.size))
     for k in range(omega.size):
@@ -75,7 +75,7 @@ def ends_at_rest(det):
 
 
 @compiled
-def _responses(theta, signs, lead, omega):
+def responses(theta, signs, lead, omega):
     """Responses (k, controllers), and derivatives in the logarithms of the settings."""
     controllers = signs.size
     per = theta.size // controllers

@@ -42,19 +42,38 @@ SMALLEST_RADIUS = 1e-9
 CURVATURE_OF_S = 1e-2  # makes the program strictly convex; of no effect as ds goes to 0
 LEAST_CURVATURE = 1e-3  # keeps B regular; the radius, not this, limits the step
 FEASIBILITY = 1e-11  # constraints of the program hold to this, below any tolerance in s
+PROJECTIONS = 50  # onto one plane after the other; each has three parameters at most
+ON_PLANE = 1e-9  # a relative excess that is rounding
 NEAR_ACTIVE = 4.0  # frequencies with more room than this cannot become active in one step
 
 
 @dataclass(frozen=True)
 class Box:
-    """Lower and upper bounds of the parameters, (m,) each."""
+    """Lower and upper bounds of the parameters, (m,) each, and planes that they stay below.
+
+    `rows @ theta <= limits`, rows (r, m).
+    """
 
     low: NDArray[np.float64]
     high: NDArray[np.float64]
+    rows: NDArray[np.float64] | None = None
+    limits: NDArray[np.float64] | None = None
 
     def clip(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the nearest point inside."""
-        return np.clip(theta, self.low, self.high)
+        """Return a point inside: the nearest one of the bounds, moved below the planes."""
+        inside = np.clip(theta, self.low, self.high)
+        if self.rows is None or self.limits is None:
+            return inside
+        for _ in range(PROJECTIONS):
+            above = self.rows @ inside - self.limits
+            if not (above > ON_PLANE).any():
+                break
+            for row, limit in zip(self.rows, self.limits, strict=True):
+                excess = float(row @ inside) - limit
+                if excess > 0:
+                    inside -= row * (excess / float(row @ row))
+            inside = np.clip(inside, self.low, self.high)
+        return inside
 
 
 def minimise(
@@ -181,7 +200,13 @@ class _Model:
         d_high = np.minimum(self.box.high - here.theta, self.radius)
         d_low = np.maximum(self.box.low - here.theta, -self.radius)
         upper = np.concatenate([d_high, [3.0, 1e3], limits])
-        lower = np.concatenate([d_low, [-3.0, 0.0], np.full(rows.size, -1e30)])
+        if self.box.rows is not None and self.box.limits is not None:
+            below = np.pad(self.box.rows, ((0, 0), (0, 2)))
+            A = np.concatenate([A, below])
+            # Rounding must not leave the program without a solution.
+            left = np.maximum(self.box.limits - self.box.rows @ here.theta, 0.0)
+            upper = np.concatenate([upper, left])
+        lower = np.concatenate([d_low, [-3.0, 0.0], np.full(len(A), -1e30)])
         sense = np.zeros(upper.size, dtype=np.int32)
         x, _, flag, info = daqp.solve(
             H, f, A, upper, lower, sense, primal_tol=FEASIBILITY, eps_prox=0

@@ -30,7 +30,9 @@ if TYPE_CHECKING:
 
     from solver.model.blocks import LoopBlocks
     from solver.model.weights import Performance, Uncertainty
+    from solver.tuning.alone import LoopsAlone
 
+MISSED = 1e-5  # of log |1 + g c|^2: far less than the margin that the demand keeps
 FORBIDDEN = -50.0  # stands for a level of minus infinity where a curve is refined
 BESIDE = 0.1  # log omega within which a peak is followed
 AROUND = (BESIDE * np.array([-1, -0.3, 0, 0.3, 1]), BESIDE * np.array([-0.03, 0, 0.03]))
@@ -138,7 +140,8 @@ class Evaluation:
         The least s of the frequencies below saturation, and that s with a penalty for what the
         others miss: finite where `value` is not, and equal to it where nothing is missed.
     level, gradient : (k,), (k, m)
-        Level of each frequency, and its gradient in theta.
+        Level of each frequency, and its gradient in theta; between the grid and the followed
+        peaks those of the loops alone.
     demand, demand_slope : (k,)
         Level that s demands of each frequency, and its slope in s.
     y : (k, scales)
@@ -206,6 +209,8 @@ class LoopObjective:
         fixed frequency shows.
     penalty : float
         Price in s of a missing level.
+    alone : LoopsAlone or None
+        The loops alone, where their sensitivity is limited.
 
     """
 
@@ -218,11 +223,16 @@ class LoopObjective:
     nu: float = FINE
     followed: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
     penalty: float = PENALTY
+    alone: LoopsAlone | None = None
 
     @property
     def per_controller(self) -> int:
         """Number of parameters of a controller."""
         return len(self.kind.parameters)
+
+    @property
+    def _lead(self) -> bool:
+        return "derivative_time" in self.kind.parameters
 
     @cached_property
     def _restless(self) -> bool:
@@ -282,9 +292,22 @@ class LoopObjective:
         attained = self.goal.attained(level, omega)
         value, s = float(attained.max()), float(np.minimum(attained, samples.saturated).max())
         demand, slope = self.goal.demand(s, omega)
-        merit = s + self.penalty * max(float((demand - level).max()), 0.0)
         on_grid = det[: self.omega.size]
-        if not (winds_as_stable(on_grid, self.omega) and (self._restless or ends_at_rest(on_grid))):
+        stable = winds_as_stable(on_grid, self.omega)
+        stable = stable and (self._restless or ends_at_rest(on_grid))
+        if self.alone is not None:
+            own, own_gradient, sound = self.alone.levels(theta, self.signs, lead=self._lead)
+            stable = stable and sound
+            if float(own.min()) < self.alone.demand - MISSED:
+                value = math.inf
+            # After the grid; the peaks stay last.
+            place = self.omega.size
+            level = np.insert(level, place, own)
+            gradient = np.insert(gradient, place, own_gradient, axis=0)
+            demand = np.insert(demand, place, np.full(own.size, self.alone.demand))
+            slope = np.insert(slope, place, np.zeros(own.size))
+        merit = s + self.penalty * max(float((demand - level).max()), 0.0)
+        if not stable:
             value = merit = math.inf
         return Evaluation(theta, value, s, merit, level, gradient, demand, slope, y, peaks)
 
@@ -328,9 +351,8 @@ class LoopObjective:
         *,
         cold: bool,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.complex128]]:
-        lead = "derivative_time" in self.kind.parameters
         level, gradient, det = loop_levels(
-            theta, self.signs, lead, samples.omega, samples.G, samples.u, samples.b,
+            theta, self.signs, self._lead, samples.omega, samples.G, samples.u, samples.b,
             self.blocks.layout, not self.goal.skewed, nu, cold, y,
         )  # fmt: skip
         return level, gradient, det

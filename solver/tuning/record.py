@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from solver.model.controllers import Controller
     from solver.optimality.record import Optimality
     from solver.robustness.record import Curves, Guarantee, Peaks
+    from solver.tuning.demands import DemandOutcome
 
 __all__ = ["Comparison", "LocalOptimum", "Progress", "SearchSummary", "Status", "Tuning"]
 
@@ -96,10 +97,10 @@ class Tuning:
     frequency (rad per time unit), `search` of what was tried, `comparison` of identical
     settings beside unlike ones, `warnings` of what to look at twice; `certificate` is there
     where it was asked for and found. `tau_p` (time units) and the peaks belong to `loops`, one
-    a unit, `groups` lists the units that share settings; `guarantee` tells what is proven of the
-    peak for all frequencies; `integrity` says in one line what
-    happens with loops in manual; `optimality` how far tau_p is from the least possible one;
-    `advice` how the result may be read and used, in sentences.
+    a unit, `groups` lists the units that share settings; `demands` what they make of
+    each further demand; `guarantee` tells what is proven of the peak for all frequencies;
+    `integrity` says in one line what happens with loops in manual; `optimality` how far tau_p is
+    from the least possible one; `advice` how the result may be read and used, in sentences.
     Where `status` is INFEASIBLE, `reason` and `omega` (the frequency that forbids it, rad per
     time unit) say why, and the other fields are None or empty.
     """
@@ -114,6 +115,7 @@ class Tuning:
     search: SearchSummary
     curves: Curves | None
     guarantee: Guarantee | None = None
+    demands: tuple[DemandOutcome, ...] = ()
     comparison: Comparison | None = None
     certificate: Certificate | None = None
     optimality: Optimality | None = None

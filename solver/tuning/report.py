@@ -10,6 +10,7 @@ from solver.robustness.integrity import in_one_line
 from solver.tuning.advice import advice
 from solver.tuning.bounds import gain_signs
 from solver.tuning.clock import OutOfTimeError
+from solver.tuning.demand_checks import outcomes
 from solver.tuning.endless import remarks
 from solver.tuning.output_units import output_units_warning
 from solver.tuning.record import Comparison, LocalOptimum, SearchSummary, Status, Tuning
@@ -63,6 +64,11 @@ def report(
     if end is None:
         reason = "none were found: between the frequencies of the search mu exceeds 1 for all"
         return infeasible(specification, search.groups, clock, reason, None)
+    demands = outcomes(specification.demands, specification.plant, end.loops)
+    unmet = [each for each in demands if not each.met]
+    if unmet:
+        reason = f"none were found that keep {unmet[0].name} on the whole frequency axis"
+        return infeasible(specification, search.groups, clock, reason, None)
     warnings = [
         *plant_remarks(specification.plant),
         *filter(None, [output_units_warning(specification.plant, specification.performance)]),
@@ -91,6 +97,7 @@ def report(
         search=_summary(specification, search, clock),
         curves=end.curves,
         guarantee=end.guarantee,
+        demands=demands,
         comparison=_comparison(solutions, search, end, clock),
         certificate=certificate,
         optimality=_optimality(specification, solutions, end, clock),

@@ -21,10 +21,12 @@ from solver.model.peaks import Peak
 from solver.model.transfer_function import LARGEST
 from solver.model.weights import Performance
 from solver.optimality.record import SettingsProblem
+from solver.stability.closed_loop import unstable_poles
+from solver.tuning.alone import LoopsAlone
 from solver.tuning.bounds import gain_signs, search_region
 from solver.tuning.clock import OutOfTimeError
+from solver.tuning.demand_checks import outcomes, planes
 from solver.tuning.exact import WEAKEST, Candidate, ExactDescent
-from solver.tuning.minimax import Box
 from solver.tuning.objective import Evaluation, Goal, LoopObjective, MuGoal, TauGoal
 from solver.tuning.phases import Phases
 from solver.tuning.specification import ControllerKind, Objective, Specification
@@ -126,6 +128,13 @@ class GroupingSearch:
         )
         self.region = search_region(specification, groups)
         self.box = self.region.box
+        demands = specification.demands
+        rows, limits = planes(demands, freedom.kind, len(groups))
+        if rows.size:
+            self.box = replace(self.box, rows=rows, limits=limits)
+        alone = None
+        if demands.max_sensitivity_alone is not None:
+            alone = LoopsAlone.of(plant, groups, demands.max_sensitivity_alone)
         performance = specification.performance
         goal: Goal
         if specification.objective is Objective.TAU_P:
@@ -137,7 +146,14 @@ class GroupingSearch:
         omega = grid(1e-2 * bends[0], 30 * bends[-1], POINTS_PER_DECADE, extra)
         omega = np.concatenate([self._below(omega[0]), omega, self._far(omega[-1])])
         self.objective = LoopObjective(
-            self.blocks, uncertainty, goal, freedom.kind, np.array(freedom.signs), omega, ROUGH_NU
+            self.blocks,
+            uncertainty,
+            goal,
+            freedom.kind,
+            np.array(freedom.signs),
+            omega,
+            ROUGH_NU,
+            alone=alone,
         )
         slow = Performance(performance.max_peak, performance.offset)
         feasibility = replace(self.objective, goal=MuGoal(slow, target))
@@ -307,7 +323,7 @@ class GroupingSearch:
             low[index] -= math.log(factor)
         else:
             high[index] = min(high[index] + math.log(factor), math.log(LARGEST))
-        self.box = Box(low, high)
+        self.box = replace(self.box, low=low, high=high)
         self._on(self.objective.omega)
 
     def _on(self, omega: NDArray[np.float64]) -> None:
@@ -340,6 +356,14 @@ class GroupingSearch:
             self.optima = self.optima or rough  # they are still the best there is
             raise
         return found
+
+    def accepts(self, theta: NDArray[np.float64]) -> bool:
+        """Whether the loops are stable and meet every demand beside that on mu."""
+        specification = self.specification
+        loops = self.blocks.expand(self.objective.controllers(theta))
+        if unstable_poles(specification.plant, loops):
+            return False
+        return all(each.met for each in outcomes(specification.demands, specification.plant, loops))
 
     def canonical(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the permuted copy that stands for all: groups alike by descending gain."""

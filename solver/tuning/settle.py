@@ -16,7 +16,6 @@ import numpy as np
 from solver.model.errors import InvalidInputError
 from solver.model.transfer_function import LARGEST
 from solver.robustness.axis import proven_peaks
-from solver.stability.closed_loop import unstable_poles
 from solver.tuning.endless import extended
 from solver.tuning.specification import Objective
 
@@ -89,7 +88,7 @@ def settled(
                 return here
             search.look_at(_high_places(here))
             found = search.exact.descend(candidate.theta)
-            if found is None or not _is_stable(search, found):
+            if found is None or not search.accepts(found.theta):
                 break
             candidate = found
     for _ in range(RAISED):
@@ -139,8 +138,3 @@ def _high_places(here: Settled) -> NDArray[np.float64]:
     places = np.flatnonzero(high)
     highest = places[np.argsort(-mu[places])[:MOST_PLACES]]
     return np.append(omega[highest], top.omega)
-
-
-def _is_stable(search: GroupingSearch, candidate: Candidate) -> bool:
-    loops = search.blocks.expand(search.objective.controllers(candidate.theta))
-    return unstable_poles(search.blocks.plant, loops) == 0

@@ -7,6 +7,7 @@ with a worse one.
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -15,8 +16,8 @@ import numpy as np
 
 from solver.model.controllers import DERIVATIVE_FILTER
 from solver.model.frequencies import corners
-from solver.stability.closed_loop import unstable_poles
 from solver.tuning.bounds import gain_signs
+from solver.tuning.demands import Demands
 from solver.tuning.groupings import coarser
 from solver.tuning.search import Freedom, GroupingSearch
 
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Solution", "Solutions"]
 
+PASSED_ON = 6  # optima with fewer demands that one with more starts from
 STARTS_PER_PARAMETER = 3
 STARTS_BEFORE_HOPS = 2  # a parameter, where the search goes on from the best optimum
 STARTS_WITH_LEADS = 5  # as before, where fast and slow derivatives have optima far apart
@@ -120,7 +122,7 @@ class Solutions:
             candidate = search.exact.measure(optimum.theta, optimum.value)
             if not math.isfinite(candidate.value):  # above 1 between the frequencies of the grid
                 candidate = search.exact.descend(optimum.theta, math.inf) or candidate
-            if math.isfinite(candidate.value) and self._is_stable(search, candidate):
+            if math.isfinite(candidate.value) and search.accepts(candidate.theta):
                 return Solution(search, candidate)
         return Solution(search, None)
 
@@ -145,7 +147,7 @@ class Solutions:
         before = self.clock.best
         if not wanted:
             self.clock.best = math.inf
-        for theta in inherited:
+        for theta in [*inherited, *self._less_demanding(freedom, self.specification.demands.names)]:
             search.descend(search.box.clip(theta), count=0)
         count = self._starts(freedom)
         for left, theta in zip(range(count, 0, -1), search.starts(count), strict=True):
@@ -173,6 +175,29 @@ class Solutions:
             plain = self.solve(replace(freedom, kind=freedom.kind.without_filter), wanted=False)
             if plain.candidate is not None:
                 found += self._with_filters(plain)
+        return found
+
+    def _less_demanding(
+        self, freedom: Freedom, names: tuple[str, ...]
+    ) -> list[NDArray[np.float64]]:
+        """Return the optima with one of the demands `names` left out, whichever it is.
+
+        Of starts drawn at random few find their way within several demands. From the optima
+        without any, one demand after the other, in every order, is a way that leads there.
+        """
+        found = []
+        for kept in itertools.combinations(names, max(len(names) - 1, 0)) if names else ():
+            demands = Demands(**{name: getattr(self.specification.demands, name) for name in kept})
+            task = replace(self.specification, demands=demands)
+            search = GroupingSearch(task, freedom, self.target, lambda _: self.clock.tick())
+            for theta in self._less_demanding(freedom, kept):
+                search.descend(search.box.clip(theta), count=0)
+            if not kept:
+                for theta in search.starts(self._starts(freedom)):
+                    if search.settled:
+                        break
+                    search.descend(theta)
+            found += [optimum.theta for optimum in search.optima[:PASSED_ON]]
         return found
 
     def _tied(self, freedom: Freedom) -> Iterator[tuple[Freedom, tuple[int, ...]]]:
@@ -229,23 +254,19 @@ class Solutions:
                 best = stable
         if best is None and search.closest is not None:  # what the first phase found is not lost
             candidate = search.exact.measure(search.closest.theta, search.closest.s)
-            if math.isfinite(candidate.value) and self._is_stable(search, candidate):
+            if math.isfinite(candidate.value) and search.accepts(candidate.theta):
                 best = candidate
         return best
 
     def _is_better(
         self, search: GroupingSearch, candidate: Candidate, best: Candidate | None
     ) -> bool:
-        return (best is None or candidate.value < best.value) and self._is_stable(search, candidate)
-
-    def _is_stable(self, search: GroupingSearch, candidate: Candidate) -> bool:
-        loops = search.blocks.expand(search.objective.controllers(candidate.theta))
-        return unstable_poles(self.specification.plant, loops) == 0
+        return (best is None or candidate.value < best.value) and search.accepts(candidate.theta)
 
     def _stabilised(self, search: GroupingSearch, candidate: Candidate) -> Candidate | None:
         """Return the candidate, or one on a longer axis where its grid missed an instability."""
         for _ in range(EXTENSIONS):
-            if self._is_stable(search, candidate):
+            if search.accepts(candidate.theta):
                 return candidate
             bends = corners(
                 self.specification.plant, self.specification.uncertainty,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import KW_ONLY, dataclass
 from enum import StrEnum
 
@@ -21,6 +22,7 @@ from solver.model.validation import (
     settle,
 )
 from solver.model.weights import Performance, Uncertainty
+from solver.tuning.demands import NO_DEMANDS, Demands
 
 __all__ = ["Arrangement", "Bounds", "ControllerKind", "Objective", "Signs", "Specification"]
 
@@ -133,6 +135,8 @@ class Specification:
         Parameter bounds; none of a parameter that the kind does not have.
     signs : Signs
         Signs of the gains.
+    demands : Demands
+        Hard constraints beside robust performance.
     starts : int or None
         Starts of the search, 1..1000; None: until no further optimum is to be expected.
     seed : int
@@ -159,6 +163,7 @@ class Specification:
     objective: Objective = Objective.TAU_P
     bounds: Bounds = Bounds()
     signs: Signs = Signs.USUAL
+    demands: Demands = NO_DEMANDS
     starts: int | None = None
     seed: int = 0
     time_limit: float | None = None
@@ -170,6 +175,7 @@ class Specification:
         self._settle()
         self._check_groups()
         self._check_start()
+        self._check_demands()
         if self.optimality_gap:
             self._check_optimality_gap()
         if self.objective is Objective.MU and self.performance.tau_p is None:
@@ -201,6 +207,7 @@ class Specification:
         instance(self.plant, Plant, "/plant")
         require_fit(self.plant, self.uncertainty, self.performance)
         instance(self.bounds, Bounds, "/controller/bounds")
+        instance(self.demands, Demands, "/demands")
         settle(
             self,
             kind=choice(ControllerKind, self.kind, "/controller/kind"),
@@ -250,6 +257,26 @@ class Specification:
                 if getattr(loop, name) is not None and name not in self.kind.parameters:
                     message = f"a {self.kind} controller has no {name}"
                     raise InvalidInputError(message, f"/search/start/{index}/{name}")
+
+    def _check_demands(self) -> None:
+        gain, times = self.bounds.gain, self.bounds.integral_time
+        most = self.demands.max_controller_gain
+        lead = 10 if self.kind is ControllerKind.PID else 1
+        if most is not None and gain is not None and lead * gain[0] > most:
+            message = f"the bounds ask for gains that amplify at least {lead * gain[0]:g}"
+            raise InvalidInputError(message, "/demands/max_controller_gain")
+        error = self.demands.max_load_error
+        if error is None:
+            return
+        highest = min(
+            gain[1] if gain is not None else math.inf, math.inf if most is None else most / lead
+        )
+        if times is not None and times[0] > error * highest:
+            message = (
+                "the bounds, and the greatest gain, leave an integrated error of at least "
+                f"{times[0] / highest:g}"
+            )
+            raise InvalidInputError(message, "/demands/max_load_error")
 
     def _check_optimality_gap(self) -> None:
         where = "/search/optimality_gap"

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 from contextlib import suppress
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from solver.model.open_loop import require_supported
 from solver.model.validation import instance
 from solver.tuning.bounds import gain_signs
 from solver.tuning.clock import Clock, OutOfTimeError
+from solver.tuning.demand_checks import outcomes
+from solver.tuning.demands import NO_DEMANDS
 from solver.tuning.feasibility import obstacle, other_signs
 from solver.tuning.given_start import given_groups, signs_of
 from solver.tuning.groupings import groupings, neighbours
@@ -29,6 +32,7 @@ if TYPE_CHECKING:
 __all__ = ["tune"]
 
 GRACE = 2.0  # seconds after the end, in which the best so far is made exact
+LEAST_TIME = 1.0  # seconds to find out which demand forbids settings
 WORTH_IT = 1.0  # per cent that asymmetry must gain before 'best' prefers it
 FINER_WORTH_IT = 0.01  # per cent that one more group must gain, more than two optima may differ by
 
@@ -63,7 +67,41 @@ def tune(
     """
     instance(specification, Specification, "/specification")
     require_supported(specification.plant)
-    return _Run(specification, progress).result()
+    found = _Run(specification, progress).result()
+    if found.status is Status.INFEASIBLE and specification.demands.names:
+        return _with_the_demand_named(specification, found)
+    return found
+
+
+def _with_the_demand_named(specification: Specification, found: Tuning) -> Tuning:
+    """Return an infeasible outcome with the demands that forbid settings, and how far to relax."""
+    left = specification.time_limit
+    if left is not None:
+        left = max(left - found.search.elapsed_seconds, LEAST_TIME)
+    without = replace(
+        specification, demands=NO_DEMANDS, time_limit=left, certificate=False, optimality_gap=False
+    )
+    free = _Run(without, None).result()
+    if not free.loops:
+        return found
+    broken = [
+        each
+        for each in outcomes(specification.demands, specification.plant, free.loops)
+        if not each.met
+    ]
+    if not broken:
+        return found
+    relaxed = " and ".join(
+        f"{each.name} {each.limit:g} relaxed to {each.value:.4g}"
+        if math.isfinite(each.value)
+        else f"no {each.name} (a loop is unstable alone then)"
+        for each in broken
+    )
+    reason = (
+        f"no settings were found that meet {' and '.join(each.name for each in broken)} as well; "
+        f"with {relaxed} there are some, with tau_p = {free.tau_p:.6g}"
+    )
+    return replace(found, reason=reason, omega=None)
 
 
 class _Run:

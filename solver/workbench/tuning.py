@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from solver.model.controllers import Controller
     from solver.model.plants import Plant
     from solver.model.weights import Uncertainty
+    from solver.tuning.demands import Demands
     from solver.tuning.record import Progress
     from solver.tuning.specification import Arrangement, Objective, Signs
 
@@ -44,6 +45,7 @@ def tune(
     objective: Objective | Literal["tau_p", "mu"] = ...,
     bounds: Bounds | None = None,
     signs: Signs | Literal["usual", "any"] = ...,
+    demands: Demands = ...,
     start: Sequence[Controller] | None = None,
     starts: int | None = None,
     seed: int = 0,
@@ -78,7 +80,7 @@ def tune(
         Sizes of the groups, for 'grouped', and only then.
     objective : Objective or str
         'tau_p', the fastest settings, or 'mu', the smallest peak of mu at `tau_p`.
-    bounds, signs, start, starts, seed, time_limit, certificate, optimality_gap
+    bounds, signs, demands, start, starts, seed, time_limit, certificate, optimality_gap
         See `Specification`.
     progress : callable or None
         Called about ten times a second with a `Progress`; what it raises passes through.

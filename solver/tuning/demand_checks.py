@@ -1,0 +1,91 @@
+"""The demands beside the objective: as constraints of the search, and as settings keep them.
+
+max_controller_gain: no loop amplifies noise more than that, |k| max(1, tau_D/tau_F), the greatest
+magnitude of its controller beyond integral action. max_load_error: after a unit step of load at a
+process's input the integrated error of its output is tau_I/|k|, whatever the plant, since the
+integrators have to deliver the step. Both are linear in the logarithms of the settings.
+max_sensitivity_alone: the peak of |1/(1 + g_ii c_i)| of each loop with all others in manual.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from solver.model.controllers import DERIVATIVE_FILTER
+from solver.robustness.margins import loop_margins
+from solver.tuning.demands import DemandOutcome
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from solver.model.controllers import Controller
+    from solver.model.plants import Plant
+    from solver.tuning.demands import Demands
+    from solver.tuning.specification import ControllerKind
+
+__all__ = ["outcomes", "planes"]
+
+ROUNDING = 1e-6  # relative excess over a limit that is rounding of the last descent
+BELOW = 2e-9  # in log, so that rounding of the last descent does not exceed a limit
+NEAR = 5e-3  # relative distance from its limit at which a demand binds
+
+
+def outcomes(
+    demands: Demands, plant: Plant, loops: Sequence[Controller]
+) -> tuple[DemandOutcome, ...]:
+    """Return what given loops make of the demands, every value computed from the loops."""
+    values = {
+        "max_controller_gain": lambda: max(_noise_gain(loop) for loop in loops),
+        "max_load_error": lambda: max(_load_error(loop) for loop in loops),
+        "max_sensitivity_alone": lambda: _sensitivity_alone(plant, loops),
+    }
+    found = []
+    for name in demands.names:
+        limit, value = float(getattr(demands, name)), values[name]()
+        met = value <= limit * (1 + ROUNDING)
+        found.append(DemandOutcome(name, limit, value, met, met and value >= limit * (1 - NEAR)))
+    return tuple(found)
+
+
+def planes(
+    demands: Demands, kind: ControllerKind, controllers: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return rows and limits, (r, m) and (r,): `rows @ theta <= limits` for the log settings."""
+    names = kind.parameters
+    own: list[tuple[dict[str, float], float]] = []
+    if demands.max_controller_gain is not None:
+        most = math.log(demands.max_controller_gain)
+        if "derivative_time" not in names:
+            own.append(({"gain": 1.0}, most))
+        elif "filter_time" not in names:
+            own.append(({"gain": 1.0}, most + math.log(DERIVATIVE_FILTER)))
+        else:
+            own.append(({"gain": 1.0}, most))
+            own.append(({"gain": 1.0, "derivative_time": 1.0, "filter_time": -1.0}, most))
+    if demands.max_load_error is not None:
+        own.append(({"integral_time": 1.0, "gain": -1.0}, math.log(demands.max_load_error)))
+    one = np.array([[weights.get(name, 0.0) for name in names] for weights, _ in own])
+    rows = np.kron(np.eye(controllers), one.reshape(-1, len(names)))
+    return rows, np.tile([limit - BELOW for _, limit in own], controllers).astype(float)
+
+
+def _noise_gain(loop: Controller) -> float:
+    lead = (loop.derivative_time or 0.0) / loop.lag_time if loop.lag_time else 0.0
+    return abs(loop.gain) * max(1.0, lead)
+
+
+def _load_error(loop: Controller) -> float:
+    return math.inf if loop.integral_time is None else loop.integral_time / abs(loop.gain)
+
+
+def _sensitivity_alone(plant: Plant, loops: Sequence[Controller]) -> float:
+    peaks = [
+        math.inf if row.alone is None else row.alone.sensitivity.value
+        for row in loop_margins(plant, loops)
+    ]
+    return max(peaks)

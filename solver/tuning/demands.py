@@ -1,0 +1,72 @@
+"""What an engineer asks of settings beside the objective, each a hard constraint."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from solver.model.errors import InvalidInputError
+from solver.model.transfer_function import LARGEST
+from solver.model.validation import real, settle
+
+__all__ = ["NO_DEMANDS", "DemandOutcome", "Demands"]
+
+
+@dataclass(frozen=True)
+class Demands:
+    """Hard constraints on settings beside robust performance; None: not asked for.
+
+    Parameters
+    ----------
+    max_controller_gain : float or None
+        Greatest permitted |k| max(1, tau_D/tau_F), input unit per output unit.
+    max_load_error : float or None
+        Greatest permitted integrated error after a unit step of load at a loop's own input: time
+        times output unit, per input unit.
+    max_sensitivity_alone : float or None
+        Greatest permitted peak of the sensitivity of each loop alone, > 1.
+
+    """
+
+    max_controller_gain: float | None = None
+    max_load_error: float | None = None
+    max_sensitivity_alone: float | None = None
+
+    def __post_init__(self) -> None:
+        for name in self.names:
+            value = real(getattr(self, name), f"/{name}")
+            settle(self, **{name: value})
+            least = 1 if name == "max_sensitivity_alone" else 0
+            if not least < value <= LARGEST:
+                message = f"must be greater than {least} and at most {LARGEST:g}"
+                raise InvalidInputError(message, f"/{name}")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of what is asked for."""
+        every = ("max_controller_gain", "max_load_error", "max_sensitivity_alone")
+        return tuple(name for name in every if getattr(self, name) is not None)
+
+
+NO_DEMANDS = Demands()
+
+
+@dataclass(frozen=True)
+class DemandOutcome:
+    """What settings make of one demand.
+
+    Attributes
+    ----------
+    name : str
+        Which one: a field of `Demands`.
+    limit, value : float
+        What was asked for, and what the worst loop has: infinite where one is unstable alone.
+    met, active : bool
+        Whether the value is within the limit, and whether it is at it, so that the demand binds.
+
+    """
+
+    name: str
+    limit: float
+    value: float
+    met: bool
+    active: bool
