@@ -59,6 +59,7 @@ export const figuresOfAnswer = (name, body) => request("POST", inUnit(`/v1/figur
  */
 export async function showFigures(place, answer, name) {
   place.setAttribute("aria-busy", "true");
+  put(place, h("p", { class: "busy" }, "Drawing the figures …"));
   try {
     await drawFigures(place, await answer, name);
   } catch (error) {

@@ -4,7 +4,7 @@ import { h } from "./dom.js";
 
 const NAMES = /** @type {Record<string, string>} */ ({
   n: "Units n", tau_p: "Time constant τₚ", epsilon: "Error ε", theta: "Time scale θ", mu: "μ",
-  omega: "Frequency ω", max_peak: "Peak M", offset: "Offset A", num: "Numerator",
+  omega: "Frequency ω", instruments: "Tags and signals", max_peak: "Peak M", offset: "Offset A", num: "Numerator",
   den: "Denominator", rga: "RGA", succeeded: "Done", mcavoy: "McAvoy",
   wood_berry: "Wood and Berry", relay_johansson: "Johansson's relay",
 });

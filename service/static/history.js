@@ -1,18 +1,22 @@
 /** The views of many tunings: their history, and two side by side. */
 
 import { FINAL, pause, request } from "./api.js";
-import { button, h, lead, put, table } from "./dom.js";
+import { button, h, help, lead, put, table } from "./dom.js";
 import { figuresOf, showFigures } from "./figures.js";
 import { clock, label, number, setTimeUnit, unitOf } from "./format.js";
+import { rescaled, unitsIn } from "./units.js";
 import { chipOf } from "./job.js";
 import { summary } from "./record.js";
 
 const EVERY = 2000; // milliseconds between two looks while something runs
 
+/** The unit of its times: its own, else what this browser called it. @param {any} job */
+const unitOfJob = ({ id, request: asked }) => asked.time_unit ?? unitOf(id);
+
 /** @param {any} job */
 function line(job) {
   const { title, aim } = summary(job.request);
-  const unit = job.request.objective === "mu" ? "μ" : unitOf(job.id) ?? "";
+  const unit = job.request.objective === "mu" ? "μ" : unitOfJob(job) ?? "";
   return [
     h("a", { href: `#/tunings/${job.id}` }, title, h("br"), h("span", { class: "help unit" }, aim)),
     chipOf(job),
@@ -97,8 +101,13 @@ export async function compareView({ main, signal, go }, query) {
   main.replaceChildren(lead("Compare two tunings"), h("div", { class: "cards" }, names.map(pick)), body);
   if (!ids[0] || !ids[1]) return;
 
-  setTimeUnit(unitOf(ids[0]) ?? "time units");
   const jobs = await Promise.all(ids.map((id) => request("GET", `/v1/tunings/${id}`, { signal })));
+  const [own, other] = jobs.map(unitOfJob);
+  setTimeUnit(own ?? "time units");
+  const factor = unitsIn(other, own);
+  const factors = [1, Number.isNaN(factor) ? 1 : factor];
+  const told = Number.isNaN(factor) ? "The unit of time of one is not known: times are compared as they stand."
+    : `Times are in ${own ?? "time units"}.`;
   const heads = jobs.map(({ id, request: asked }, i) =>
     h("a", { href: `#/tunings/${id}` }, `${i ? "Second" : "First"}: ${summary(asked).title}`));
   /** @type {(sides: any[], matters: (one: string, other: string) => boolean) => string[][]} */
@@ -108,12 +117,13 @@ export async function compareView({ main, signal, go }, query) {
       .map((at) => [at.split("/").slice(1).map(label).join(" › "), a.get(at) ?? "–", b.get(at) ?? "–"])
       .filter(([, one, other]) => matters(one, other));
   };
-  const found = jobs.map(({ result }) => (result ? essence(result) : {}));
-  const told = lines(found, (one, other) => one !== "–" || other !== "–");
-  const differing = lines(jobs.map((job) => job.request), (one, other) => one !== other);
+  const found = jobs.map(({ result }, i) => (result ? rescaled(essence(result), factors[i]) : {}));
+  const results = lines(found, (one, other) => one !== "–" || other !== "–");
+  const asked = jobs.map((job, i) => rescaled({ ...job.request, time_unit: null }, factors[i]));
+  const differing = lines(asked, (one, other) => one !== other);
   const sides = jobs.map(() => h("div", { class: "side" }));
   put(body,
-    h("section", { class: "card" }, table("Results", ["", ...heads], told)),
+    h("section", { class: "card" }, table("Results", ["", ...heads], results), help(told)),
     h("section", { class: "card" }, differing.length
       ? table("Where the requests differ", ["", "First", "Second"], differing)
       : h("p", {}, "The requests are the same.")),

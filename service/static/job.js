@@ -13,16 +13,20 @@ const MEANING = /** @type {Record<string, string>} */ ({
   timed_out: "This tuning ran out of time before it had a result.",
 });
 
+const MET = 1 + 1e-6; // μ at most 1, but for rounding
+
 /** The state of a job; one that succeeds without a value has found that there is none. @param {any} job */
-export function chipOf({ status, progress: { best } }) {
-  const shown = status === "succeeded" && best === null ? "infeasible" : status;
-  return h("span", { class: `status ${shown}` }, label(shown));
+export function chipOf({ status, progress: { best }, request: { objective } }) {
+  const missed = objective === "mu" && best > MET;
+  const shown = status === "succeeded" && (best === null || missed) ? "infeasible" : status;
+  return h("span", { class: `status ${shown}` }, missed && shown === "infeasible" ? "Demand not met" : label(shown));
 }
 
 /** @param {View} view @param {string} id @param {URLSearchParams} query */
 export async function jobView({ main, signal, keep }, id, query) {
   setTimeUnit(query.get("unit") ?? unitOf(id) ?? "time units");
   const job = await request("GET", `/v1/tunings/${id}`, { signal });
+  if (job.request.time_unit) setTimeUnit(job.request.time_unit);
   const { title, aim } = summary(job.request);
   const chip = h("span", {}, chipOf(job));
   const body = h("div", {});

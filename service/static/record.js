@@ -111,5 +111,6 @@ export function summary(request) {
   const size = kind === "matrix" ? `${elements.length} × ${elements.length} plant` : `${n} unit${n > 1 ? "s" : ""}`;
   const lag = kind === "first_order" ? `, τ = ${number(time_constant)}, a = ${number(interaction)}` : "";
   const aim = objective === "mu" ? `least μ at τₚ = ${number(performance.tau_p)}` : "least τₚ";
-  return { title: `${size}${lag}`, aim: `${controller.kind} ${option(controller.arrangement).toLowerCase()}, ${aim}` };
+  const how = `${controller.kind} ${option(controller.arrangement).toLowerCase()}`;
+  return { title: request.title ?? `${size}${lag}`, aim: `${how}, ${aim}` };
 }

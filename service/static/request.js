@@ -6,13 +6,15 @@ import { Form } from "./form.js";
 import { figuresOfAnswer, showFigures } from "./figures.js";
 import { label, rememberUnit, setTimeUnit, timeUnit, unitOf } from "./format.js";
 import { record } from "./record.js";
-import { analyses, exists, faults, initial, operation, resolve } from "./schema.js";
+import { analyses, exists, faults, fitting, initial, operation, resolve } from "./schema.js";
 import { plantFormula } from "./symbols.js";
 
-/** The parts of `given` that the schema has a place for. @param {any} schema @param {any} given */
-function fitting(schema, given) {
-  const known = resolve(schema).properties;
-  return Object.fromEntries(Object.entries(given).filter(([key]) => key in known));
+/** What says whose the request is, and which signals: it stands first. @param {Schema} input @returns {Schema} */
+function plateOf(input) {
+  const known = resolve(input).properties;
+  const parts = ["title", "instruments"].filter((key) => known[key])
+    .map((key) => [key, { ...known[key], "x-record": false }]);
+  return { type: "object", title: "Plate", properties: Object.fromEntries(parts) };
 }
 
 /** What a form can take over from a tuning. @param {string} id @param {boolean} again */
@@ -47,36 +49,45 @@ export async function requestView({ main, signal, go }, path, from) {
   const saved = sessionStorage.getItem(draft);
   const start = from ? fitting(op.input, await fromTuning(from, isJob)) : saved ? JSON.parse(saved) : initial(op.input);
   const offers = await offersFor(op);
-  setTimeUnit((from && unitOf(from)) || unitOf("last") || timeUnit());
+  setTimeUnit(start.time_unit || (from && unitOf(from)) || unitOf("last") || timeUnit());
 
   const place = h("div", { class: "form" });
   const formulas = h("div", {});
   const problem = h("p", { class: "error", role: "alert" });
   const outcome = h("div", { class: "outcome", "aria-live": "polite" });
   const send = h("button", { type: "submit", class: "main", form: "request" }, isJob ? "Start tuning" : "Analyse");
+  const unit = h("input", { id: "unit", list: "units", maxlength: 20, value: timeUnit(), autocomplete: "off" });
   /** @type {Form} */
   let form;
+  /** @type {Form} */
+  let plate;
+  const named = () => (timeUnit() === "time units" ? {} : { time_unit: timeUnit() });
+  const read = () => ({ ...form.read(), ...plate.read(), ...named() });
   const changed = () => {
-    const typed = form.read();
+    const typed = read();
     sessionStorage.setItem(draft, JSON.stringify(typed));
     put(formulas, typed.plant && plantFormula(typed.plant));
     problem.textContent = "";
   };
   const show = (value) => {
+    if (value.time_unit) setTimeUnit(unit.value = value.time_unit);
+    plate = new Form(plateOf(op.input), value, () => {});
+    plate.node.classList.add("plate");
     form = new Form(op.input, value, changed);
     form.update();
-    put(place, h("form", { id: "request", novalidate: true, onsubmit: submit }, form.node));
+    put(place, h("form", { id: "request", novalidate: true, onsubmit: submit }, plate.node, form.node));
+    plate.node.addEventListener("input", changed);
   };
 
   const submit = async (/** @type {Event} */ event) => {
     event.preventDefault();
-    const count = form.submit().length;
+    const count = plate.submit().length + form.submit().length;
     if (count) {
       problem.textContent = count === 1 ? "One field needs attention." : `${count} fields need attention.`;
       return;
     }
     send.disabled = true;
-    const body = form.read();
+    const body = read();
     try {
       if (isJob) {
         const job = await request("POST", path, { body, signal, headers: once() });
@@ -91,7 +102,9 @@ export async function requestView({ main, signal, go }, path, from) {
       if (signal.aborted) return;
       put(outcome);
       if (!(error instanceof Problem)) throw error;
-      form.refuse(error.faults);
+      const ofPlate = ({ pointer }) => /^\/(title|instruments)/.test(pointer);
+      plate.refuse(error.faults.filter(ofPlate));
+      form.refuse(error.faults.filter((fault) => !ofPlate(fault)));
       form.submit();
       problem.textContent = error.faults.length ? `${error.title}.` : `${error.title}: ${error.message}`;
     } finally {
@@ -99,8 +112,7 @@ export async function requestView({ main, signal, go }, path, from) {
     }
   };
 
-  const unit = h("input", { id: "unit", list: "units", maxlength: 20, value: timeUnit(), autocomplete: "off" });
-  unit.addEventListener("input", () => (setTimeUnit(unit.value), rememberUnit("last")));
+  unit.addEventListener("input", () => (setTimeUnit(unit.value), rememberUnit("last"), changed()));
   show(start);
   main.replaceChildren(
     lead(isJob ? "Tune parallel loops" : op.summary, h("p", {}, resolve(op.input).description),

@@ -3,9 +3,10 @@
 import { request } from "./api.js";
 import { button, card, copy, download, h, help, link, put, table } from "./dom.js";
 import { segments } from "./fields.js";
+import { handOver } from "./hand_over.js";
 import { figuresOf, inUnit, showFigures } from "./figures.js";
 import { duration, label, number, sentence, timeUnit, unitTag, unitText } from "./format.js";
-import { analyses, operation, resolve } from "./schema.js";
+import { analyses, faults, fitting, operation, resolve } from "./schema.js";
 import { tradeOff } from "./trade_off.js";
 
 const FORMS = ["cascade", "ideal", "parallel"];
@@ -14,6 +15,7 @@ const ADVICE = [
   "Reduce the uncertainty: a smaller error ε or a shorter time scale θ, if the plant allows it.",
   "Widen the bounds of the controller's parameters, or use PID.",
 ];
+const HINT = "20 % is 0.2.";
 const ADVICE_AT_REST = [
   "No controller with integral action can do this, whatever its settings: look at the plant.",
   "Choose other inputs or outputs, or pair them anew; the analysis of interaction tells which.",
@@ -25,13 +27,13 @@ export function resultView(body, job) {
   const found = result.loops.length > 0;
   const figures = h("div", { class: "figures" });
   put(body,
-    h("div", { class: "cards" }, found ? headline(job) : infeasible(result), found && settings(result)),
+    h("div", { class: "cards" }, found ? headline(job) : infeasible(job), found && handOver(job)),
     result.warnings.length > 0 && h("section", { class: "card warning" }, h("h2", {}, "Look at this twice"),
       h("ul", {}, result.warnings.map((text) => h("li", {}, sentence(text))))),
     result.advice?.length > 0 && h("section", { class: "card" }, h("h2", {}, "Good to know"),
       h("ul", {}, result.advice.map((/** @type {string} */ text) => h("li", {}, sentence(text))))),
     actions(job, found), figures, found && result.objective === "tau_p" && tradeOff(job),
-    h("div", { class: "cards" }, result.certificate && certificate(job), asked(job)));
+    h("div", { class: "cards" }, found && settings(result), result.certificate && certificate(job), asked(job)));
   showFigures(figures, figuresOf(id), fileName(id));
 }
 
@@ -62,13 +64,20 @@ function limit({ lower_bound: least, gap, status }) {
     ` ${number(100 * gap, 3)} % less than here.`);
 }
 
+const WORTH_IT = 2; // per cent, below which a plant does not feel the difference
+
 /** What asymmetry buys. @param {any} result */
 function gain({ comparison: { gain_percent: percent, identical_value: value, identical_loop: loop }, objective }) {
   if (!(percent >= 1e-4)) return h("p", { class: "gain" }, `Identical settings reach ${number(value)} too.`);
   const [better, unit] = objective === "tau_p" ? ["faster", ` ${timeUnit()}`] : ["lower", ""];
+  const lead = loop.derivative_time ? `, derivative time ${number(loop.derivative_time)}` : "";
+  const identical = `${number(value)}${unit} with gain ${number(loop.gain)}, integral time `
+    + `${number(loop.integral_time)}${lead}.`;
+  if (percent < WORTH_IT) {
+    return help(`Identical settings would do: ${identical} These are ${number(percent, 3)} % ${better}.`);
+  }
   return h("p", { class: "gain" }, h("strong", {}, `${number(percent, 3)} % ${better}`),
-    ` than the best identical settings: those reach ${number(value)}${unit}`,
-    ` with gain ${number(loop.gain)}, integral time ${number(loop.integral_time)}.`);
+    ` than the best identical settings: those reach ${identical}`);
 }
 
 /** @param {any} found */
@@ -80,12 +89,14 @@ const peaks = (found) => h("div", { class: "peaks" }, h("h2", {}, "Peaks of μ")
       h("span", { class: "help" }, `at ${number(omega, 3)} ${unitText("rad/time")}`))),
   help("At most 1: the demand holds for every plant within the uncertainty."));
 
-/** @param {any} result */
-function infeasible({ reason, omega }) {
+/** @param {any} job */
+function infeasible({ result: { reason, omega }, request: { uncertainty } }) {
+  const worst = Math.max(...[uncertainty.epsilon ?? 0].flat());
+  const large = worst >= 1 && h("p", {}, `The error ε = ${number(worst)} means ${number(100 * worst)} %; ${HINT}`);
   const where = omega > 0 && h("p", {}, `The frequency that forbids it: ${number(omega)} ${unitText("rad/time")}.`);
   const advice = omega === 0 ? ADVICE_AT_REST : ADVICE;
   return h("section", { class: "card hero missed" }, h("h2", {}, "No settings meet this demand"),
-    h("p", {}, sentence(reason)), where,
+    large, h("p", {}, sentence(reason)), where,
     h("h3", {}, "What to try"), h("ul", {}, advice.map((text) => h("li", {}, text))));
 }
 
@@ -107,6 +118,9 @@ function unitOfSetting(key) {
   return { integral_gain: `1/${timeUnit()}`, derivative_gain: timeUnit() }[key] ?? "";
 }
 
+/** @param {number | null | undefined} value */
+const sixDigits = (value) => (value ? String(Number(value.toPrecision(6))) : "");
+
 /** The tuning table in the form of the user's control system. @param {any} result */
 function settings({ loops, groups }) {
   const place = h("div", {});
@@ -124,7 +138,7 @@ function settings({ loops, groups }) {
     const keys = Object.keys(described.properties).filter((key) => given.some((one) => one[key]));
     const names = keys.map((key) => [label(key), unitOfSetting(key)].filter(Boolean).join(", "));
     sheet = [["Unit", ...names], ...groups.flatMap((group, i) =>
-      group.map((unit) => [String(unit + 1), ...keys.map((key) => String(given[i][key] ?? ""))]))];
+      group.map((unit) => [String(unit + 1), ...keys.map((key) => sixDigits(given[i][key]))]))];
     const rows = groups.map((group, i) => [units(group), ...keys.map((key) => number(given[i][key], 5))]);
     const reasons = forms.filter((one) => !one[form]).map((one) => sentence(one.reason));
     put(place, table("Controller settings", ["", ...names], rows),
@@ -134,15 +148,15 @@ function settings({ loops, groups }) {
   show();
   const copyTable = async () => {
     await copy(sheet.map((row) => row.join("\t")).join("\n"));
-    said.textContent = "Copied, all digits.";
+    said.textContent = "Copied, six digits.";
   };
   const csv = () => sheet.map((row) => row.map((cell) => `"${cell.replaceAll('"', '""')}"`).join(",")).join("\r\n");
-  return card("What to set", node, place, h("div", { class: "buttons" },
+  return card("Settings in three forms", node, place, h("div", { class: "buttons" },
     button("Copy table", copyTable), button("CSV", () => download("settings.csv", csv(), "text/csv")), said));
 }
 
 /** @param {any} job @param {boolean} found */
-function actions({ id }, found) {
+function actions({ id, request: body, result }, found) {
   const report = async () => {
     const page = await request("GET", inUnit(`/v1/tunings/${id}/report`), { text: true });
     download(`${fileName(id)}.html`, page, "text/html");
@@ -151,9 +165,11 @@ function actions({ id }, found) {
     await copy(`${location.origin}/#/tunings/${id}?unit=${encodeURIComponent(timeUnit())}`);
     share.textContent = "Link copied";
   });
+  const taken = { ...body, loops: result.loops, performance: { ...body.performance, tau_p: result.tau_p } };
   // Without settings there is the plant to look at.
   const further = analyses().map(({ name, input }) => ({ name, needs: resolve(input) }))
-    .filter(({ needs }) => needs.properties.plant && (found || !needs.properties.loops));
+    .filter(({ needs }) => needs.properties.plant && (found || !needs.properties.loops))
+    .filter(({ needs }) => faults(needs, fitting(needs, taken)).length === 0);
   return h("nav", { class: "buttons", "aria-label": "What next" },
     button("Download report", report, "main"), link("Change and run again", `#/?from=${id}`),
     link("Compare", `#/compare?a=${id}`), share, h("span", { class: "help" }, "Look further:"),

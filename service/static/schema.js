@@ -56,6 +56,12 @@ export function variantOf(variants, value) {
   return variants.find(fits) ?? variants[0];
 }
 
+/** The parts of `given` that the schema has a place for. @param {any} schema @param {any} given */
+export function fitting(schema, given) {
+  const known = resolve(schema).properties;
+  return Object.fromEntries(Object.entries(given).filter(([key]) => key in known));
+}
+
 /**
  * A value to begin with: the default, else an example.
  * @param {Schema} schema @param {boolean} [examples] false: leave open what has no default @returns {any}

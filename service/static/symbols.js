@@ -5,6 +5,7 @@ import { number } from "./format.js";
 
 const mi = (text) => math("mi", {}, text);
 const mo = (text) => math("mo", {}, text);
+const fence = (text) => math("mo", { stretchy: "false" }, text);
 const mn = (value) => math("mn", {}, number(Math.abs(value), 6));
 
 /** @param {any} list */
@@ -47,7 +48,8 @@ export const transferFunction = (tf) => row(tf) && formula(row(tf));
 const matrix = (cells) =>
   math("mtable", {}, cells.map((line) => math("mtr", {}, line.map((cell) => math("mtd", {}, cell)))));
 
-const defined = (name, /** @type {Child} */ content) => formula(mi(name), mo("("), mi("s"), mo(")"), mo("="), content);
+const defined = (name, /** @type {Child} */ content) =>
+  formula(mi(name), fence("("), mi("s"), fence(")"), mo("="), content);
 
 /** The plant of a request, or nothing while it is incomplete. @param {any} plant */
 export function plantFormula(plant) {

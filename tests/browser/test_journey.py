@@ -65,7 +65,7 @@ def test_from_an_empty_form_to_a_report(watched: Watched, tmp_path: Path) -> Non
         expect(page.get_by_role("columnheader", name=column, exact=True)).to_be_visible()
 
     page.get_by_role("button", name="Copy table").click()
-    expect(page.get_by_text("Copied, all digits.")).to_be_visible()
+    expect(page.get_by_text("Copied, six digits.")).to_be_visible()
     copied = page.evaluate("navigator.clipboard.readText()")
     assert copied.splitlines()[0].startswith("Unit\tProportional gain\tIntegral gain")
 
@@ -87,6 +87,48 @@ def test_from_an_empty_form_to_a_report(watched: Watched, tmp_path: Path) -> Non
         page.get_by_role("button", name="Download report").click()
     download.value.save_as(tmp_path / "report.html")
     assert "Robust performance" in (tmp_path / "report.html").read_text(encoding="utf-8")
+
+
+def test_settings_are_typed_into_a_control_system(watched: Watched) -> None:
+    """Title, unit, tag and spans go with the request; values come in the system's own units."""
+    page = watched.page
+    watched.go("#/")
+    page.get_by_label("Unit of time").fill("min")
+    field(page, "/title").fill("Reactor train A")
+    page.get_by_label("Tags and signals").check()
+    for name, value in (("tag", "TIC-101"), ("output_span", "250"), ("input_span", "100")):
+        field(page, f"/instruments/0/{name}").fill(value)
+    page.get_by_label("Identical", exact=True).check()
+    start(page)
+    expect(page.get_by_role("heading", level=1)).to_contain_text("Reactor train A")
+    typed = page.locator("section").filter(
+        has=page.get_by_role("heading", name="What do I type in?")
+    )
+    typed.get_by_label("Control system").select_option("deltav_standard")
+    expect(typed.get_by_role("columnheader", name="RESET, s")).to_be_visible()
+    row = typed.get_by_role("row", name="TIC-101").first
+    settings = page.locator("section").filter(
+        has=page.get_by_role("heading", name="Settings in three forms")
+    )
+    gain, time = (
+        float(settings.locator("tbody tr").first.locator("td").nth(place).inner_text())
+        for place in (0, 1)
+    )
+    cells = row.locator("td")
+    assert abs(float(cells.nth(1).inner_text()) / (2.5 * gain) - 1) < 1e-3
+    assert abs(float(cells.nth(2).inner_text()) / (60 * time) - 1) < 1e-3
+    expect(typed.get_by_text("As typed, the demand")).to_be_visible()
+    watched.wait_for_figures()
+    watched.inspect("typed")
+
+
+def test_an_error_of_2000_per_cent_is_taken_for_a_slip(watched: Watched) -> None:
+    """20 for 20 per cent is answered by what it means, before anything about the plant."""
+    page = watched.page
+    watched.go("#/")
+    field(page, "/uncertainty/epsilon").fill("20")
+    start(page)
+    expect(page.get_by_text("means 2000 %; 20 % is 0.2.")).to_be_visible()
 
 
 def test_an_infeasible_plant_says_why(watched: Watched) -> None:

@@ -1,6 +1,7 @@
 """The other views: history, comparison, analyses, the key, and what the page weighs."""
 
 import json
+import math
 import re
 import subprocess
 from collections.abc import Callable
@@ -55,6 +56,35 @@ def test_history_leads_to_a_comparison(watched: Watched, tuned: tuple[str, str])
     expect(page.get_by_role("row", name="Arrangement")).to_contain_text("identical")
     watched.wait_for_figures()
     watched.inspect("compare")
+
+
+def test_times_are_compared_in_one_unit(watched: Watched) -> None:
+    """Hours and seconds of the same thing are equal; units that nobody knows are not converted."""
+    watched.go("#/")
+    found = watched.page.evaluate(
+        """async () => {
+            const { src } = document.querySelector("script[type=module]");
+            const units = src.replace("main.js", "units.js");
+            const { rescaled, unitsIn } = await import(units);
+            const hours = {
+                plant: { time_constant: 2, gain: 3, process: { num: [4], den: [5, 6, 1] } },
+                uncertainty: { theta: [1, 0.5] }, search: { time_limit: 60 } };
+            return [unitsIn("h", "s"), unitsIn("min", "weeks"), unitsIn("weeks", "weeks"),
+                    rescaled(hours, unitsIn("h", "s"))];
+        }"""
+    )
+    assert found[0] == 3600
+    assert math.isnan(found[1])
+    assert found[2] == 1
+    assert found[3] == {
+        "plant": {
+            "time_constant": 7200,
+            "gain": 3,
+            "process": {"num": [4], "den": [5 * 3600**2, 6 * 3600, 1]},
+        },
+        "uncertainty": {"theta": [3600, 1800]},
+        "search": {"time_limit": 60},
+    }
 
 
 def test_a_link_opens_a_result_with_its_unit(watched: Watched, tuned: tuple[str, str]) -> None:
@@ -145,7 +175,7 @@ def test_keyboard_alone_starts_a_tuning(watched: Watched) -> None:
     watched.go("#/")
     page.keyboard.press("Tab")
     expect(page.get_by_text("Skip to the content")).to_be_focused()
-    page.get_by_label("Dead time").focus()
+    page.get_by_role("textbox", name="Dead time").focus()
     page.keyboard.press("Enter")
     page.wait_for_url("**/#/tunings/*")
     expect(page.get_by_role("heading", level=1)).to_be_focused()
