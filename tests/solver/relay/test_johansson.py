@@ -196,3 +196,36 @@ def test_equal_loops_oscillate_far_below_the_frequency_mcavoy_supposes() -> None
     s, k = 1j * found.exact.omega, found.exact.gain
     G = np.array([[johansson.PLANT.element(r, c)(s) for c in (0, 1)] for r in (0, 1)])
     assert abs(np.linalg.det(np.eye(2) + k * G)) < 1e-9
+
+
+def test_damping_of_the_closed_u2_y2_loop() -> None:
+    """Section 3 prints 0.18; the poles under the settings printed there have 0.236."""
+    controller = johansson.U2_Y2.loop
+    time = controller.integral_time
+    loop = 100 * controller.gain * np.array([time, 1])
+    poles = np.roots(np.polyadd(np.polymul([time, 0], np.poly([-1, -10, -10])), loop))
+    (pole,) = [pole for pole in poles if pole.imag > 0]
+    assert -pole.real / abs(pole) == pytest.approx(0.236, abs=5e-4)
+
+
+def test_settings_by_mcavoy_are_not_those_printed() -> None:
+    """Section 5: 0.4 times 0.42 K_u is 2.74 with the K_u printed, not 2.46."""
+    found = relay_experiment(johansson.experiment(1, 1)).theory.mcavoy
+    assert found is not None
+    assert abs(found.factor) == pytest.approx(0.418, abs=1e-3)
+    assert 0.4 * round(abs(found.factor), 2) * 16.3 == pytest.approx(2.74, abs=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("loop", "gain", "omega"),
+    [((1, 1), 17.28, 9.24), ((2, 2), 17.28, 9.24), ((2, 1), 13.17, 11.22)],
+)
+def test_from_rest_the_sampled_relay_settles_in_the_faster_cycle(
+    loop: tuple[int, int], gain: float, omega: float
+) -> None:
+    """What a reader who repeats the experiment sees: not 16.3 and 12.3, which need a kick."""
+    cycle = relay_experiment(johansson.experiment(*loop, johansson.SAMPLED, duration=12.0)).cycle
+    assert cycle is not None
+    assert cycle.ultimate is not None
+    assert cycle.ultimate.gain == pytest.approx(gain, rel=1e-3)
+    assert cycle.ultimate.omega == pytest.approx(omega, rel=1e-3)
