@@ -16,9 +16,9 @@ from seeds import USUAL, cases, tau_p
 
 from solver.model.plants import first_order
 from solver.model.weights import Performance
-from solver.tuning import Specification
 from solver.tuning.groupings import groupings
 from solver.tuning.search import Freedom, GroupingSearch
+from solver.tuning.specification import Specification
 
 EVALUATIONS = 1000  # a parameter and run
 UNSTABLE = 1e3

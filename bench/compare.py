@@ -24,12 +24,14 @@ from solver.model.blocks import group_loops
 from solver.model.controllers import Controller
 from solver.model.plants import first_order
 from solver.model.weights import Performance, Uncertainty
-from solver.mu import BlockStructure, sdp, upper_bound
+from solver.mu import sdp
 from solver.mu.kernel import FINE
-from solver.mu.scaling import sweep
+from solver.mu.scaling import sweep, upper_bound
+from solver.mu.structure import BlockStructure
 from solver.robustness.curves import LoopAnalysis
 from solver.stability.closed_loop import is_stable
-from solver.tuning import Arrangement, ControllerKind, Specification, tune
+from solver.tuning.specification import Arrangement, ControllerKind, Specification
+from solver.tuning.tuner import tune
 
 USUAL = Uncertainty.from_error(0.2, 1)
 OMEGA = np.geomspace(1e-4, 1e2, 61)
@@ -226,13 +228,13 @@ def main():
     bound_rows = bounds()
     tuning_rows = tunings()
     task = (
-        "from solver.model.plants import first_order; from solver.tuning import *\n"
-        "from solver.model.weights import *\n"
+        "from solver.model.plants import first_order; from solver.tuning.specification import *\n"
+        "from solver.model.weights import *; from solver.tuning.tuner import tune\n"
         "usual = Uncertainty.from_error(0.2, 1)\n"
         "tune(Specification(first_order(2, 1, 100, 0.949), usual, Performance()))"
     )
     starts = [
-        {"process": "import solver.tuning", **process("import solver.tuning")},
+        {"process": "import solver.tuning.tuner", **process("import solver.tuning.tuner")},
         {"process": "first tuning", **process(task)},
     ]
     show("mu bound, microseconds a frequency", bound_rows)

@@ -13,9 +13,10 @@ from solver.model.plants import MatrixPlant, ParallelPlant, first_order
 from solver.model.transfer_function import TransferFunction
 from solver.model.weights import Performance, Structure, Uncertainty
 from solver.optimality.bound import BranchAndBound
-from solver.tuning import Arrangement, Specification, tune
 from solver.tuning.groupings import groupings
 from solver.tuning.search import Freedom, GroupingSearch
+from solver.tuning.specification import Arrangement, Specification
+from solver.tuning.tuner import tune
 
 USUAL = Uncertainty.from_error(0.2, 1)
 INTEGRATING = ParallelPlant(2, TransferFunction((1,), (1, 0)), TransferFunction((0.5,), (1, 0)))

@@ -12,7 +12,8 @@ import numpy as np
 
 from solver.model.plants import first_order
 from solver.model.weights import Performance, Uncertainty
-from solver.tuning import Arrangement, ControllerKind, Specification, tune
+from solver.tuning.specification import Arrangement, ControllerKind, Specification
+from solver.tuning.tuner import tune
 
 USUAL = Uncertainty.from_error(0.2, 1)
 MISSED = 1.001

@@ -28,7 +28,8 @@ import httpx
 
 from solver.model.plants import first_order
 from solver.model.weights import Performance, Uncertainty
-from solver.tuning import Arrangement, Specification, tune
+from solver.tuning.specification import Arrangement, Specification
+from solver.tuning.tuner import tune
 
 MUTUNE = Path(sys.executable).with_name("mutune")
 PLANT = {"kind": "first_order", "n": 2, "gain": 1, "time_constant": 100, "interaction": 0.949}

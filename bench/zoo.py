@@ -26,8 +26,8 @@ from solver.model.controllers import Controller
 from solver.mu.scaling import sweep
 from solver.robustness.axis import proven_peaks
 from solver.stability.closed_loop import unstable_poles
-from solver.tuning import tune
 from solver.tuning.objective import TauGoal
+from solver.tuning.tuner import tune
 
 BEST = Path(__file__).parent / "zoo" / "best.json"
 MISSED = 1.001

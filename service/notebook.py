@@ -21,13 +21,13 @@ from typing import Any
 
 import plotly.graph_objects as go
 
-import solver.tuning
 from service.figures.tuning import tuning_figures
 from service.report.document import report_html
 from service.report.rendering import render
 from service.schemas import TuningRequest, TuningResult, parse_tuning_request
 from service.tuned import Tuned
 from service.wording import OBJECTIVES, TIME_UNIT, forms, headline, peak_rows
+from solver.tuning import tuner
 
 __all__ = ["TuningView", "parse", "tune"]
 
@@ -104,4 +104,4 @@ def tune(request: Mapping[str, Any], unit: str = TIME_UNIT) -> TuningView:
 
     """
     parsed = parse(request)
-    return TuningView(Tuned.of(parsed, solver.tuning.tune(parsed.build()), unit))
+    return TuningView(Tuned.of(parsed, tuner.tune(parsed.build()), unit))

@@ -18,15 +18,10 @@ from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError
 from solver.model.plants import Plant
 from solver.model.subsystems import subsystem
-from solver.simulation import (
-    Experiment,
-    Loop,
-    Step,
-    StepKind,
-    StepResponse,
-    step_response,
-)
 from solver.simulation.actuators import Actuators
+from solver.simulation.experiment import Experiment, Step, StepKind
+from solver.simulation.loops import Loop
+from solver.simulation.step_response import StepResponse, step_response
 from solver.simulation.worst_actuators import worst_actuators
 from solver.stability.closed_loop import is_stable
 
@@ -57,7 +52,7 @@ def together(tuned: Tuned, direction: NDArray[np.float64]) -> Case:
     Raises
     ------
     InvalidInputError
-        The simulation cannot hold the plant: see `solver.simulation.step_response`.
+        The simulation cannot hold the plant: see `solver.simulation.step_response.step_response`.
 
     """
     plant = tuned.plant

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Sequence
 
-import solver.tuning
 from service.schemas import TuningRequest, parse
 from service.schemas.trade_off import Parameter, TradeOff, TradeOffPoint
 from service.tuned import Tuned
@@ -31,7 +30,7 @@ def sweep(
     parameter, values
         What is varied.
     progress : callable or None
-        As for `solver.tuning.tune`, of each tuning in turn.
+        As for `solver.tuning.tuner.tune`, of each tuning in turn.
 
     Raises
     ------
@@ -39,12 +38,14 @@ def sweep(
         A value that the request cannot have.
 
     """
+    from solver.tuning import tuner  # noqa: PLC0415 - compiled kernels, where tunings run alone
+
     points = []
     for value in sorted(values):
         document = request.model_dump(mode="json")
         document[_GROUPS[parameter]][parameter] = value
         varied = parse(TuningRequest, json.dumps(document))
-        result = Tuned.of(varied, solver.tuning.tune(varied.build(), progress)).result
+        result = Tuned.of(varied, tuner.tune(varied.build(), progress)).result
         comparison = result.comparison
         alone = comparison.identical_value if comparison else None
         points.append(TradeOffPoint(value=value, tau_p=result.tau_p, identical=alone))

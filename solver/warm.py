@@ -7,12 +7,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from solver.identification import Record, identify
+from solver.identification.identify import identify
+from solver.identification.record import Record
 from solver.model.controllers import Controller
 from solver.model.plants import first_order
 from solver.model.weights import Performance, Uncertainty
 from solver.robustness.axis import proven_peaks
-from solver.tuning import Arrangement, Specification, tune
+from solver.tuning.specification import Arrangement, Specification
+from solver.tuning.tuner import tune
 
 __all__ = ["warm"]
 

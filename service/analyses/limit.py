@@ -165,7 +165,7 @@ def compute(request: LimitRequest) -> dict[str, Any]:
     """Return the limit and the tuned loops."""
     from solver.limits.multivariable import multivariable_limit
     from solver.model.state_space import StateSpace as System
-    from solver.tuning import tune
+    from solver.tuning.tuner import tune
 
     specification = request.build()
     limit = multivariable_limit(

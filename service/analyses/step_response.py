@@ -13,7 +13,8 @@ from pydantic import BaseModel, ConfigDict, Field, JsonValue
 
 import solver.model.plants
 import solver.model.weights
-import solver.simulation
+import solver.simulation.directions
+import solver.simulation.step_response
 from service.analysis import Analysis, Figures
 from service.printing import Grid, Line, Part
 from service.schemas.drawn import DrawnStepResponse
@@ -35,7 +36,7 @@ from service.wording import number, units_text
 from solver.model.errors import InvalidInputError
 from solver.model.plants import MAX_MATRIX_SIZE, MAX_UNITS
 from solver.model.transfer_function import LARGEST
-from solver.simulation.experiment import MAX_SAMPLES
+from solver.simulation.experiment import MAX_SAMPLES, Experiment, Step, StepKind
 
 __all__ = ["ANALYSIS", "StepResponseRequest", "StepResponseResult"]
 
@@ -84,15 +85,18 @@ class SetPointDirection(RequestModel):
     size: Size = Field(default=1.0, description="Largest of the steps, not zero.", examples=[1.0])
     time: Time = Field(default=0.0, description="When they happen.", examples=[0.0])
 
-    def build(self, plant: solver.model.plants.Plant) -> tuple[solver.simulation.Step, ...]:
+    def build(self, plant: solver.model.plants.Plant) -> tuple[Step, ...]:
         """Return the solver's steps."""
         find = {
-            "easy": solver.simulation.easy_direction,
-            "difficult": solver.simulation.difficult_direction,
+            "easy": solver.simulation.directions.easy_direction,
+            "difficult": solver.simulation.directions.difficult_direction,
         }[self.kind]
         return tuple(
-            solver.simulation.Step(
-                solver.simulation.StepKind.SETPOINT, unit, self.time, self.size * float(share)
+            Step(
+                StepKind.SETPOINT,
+                unit,
+                self.time,
+                self.size * float(share),
             )
             for unit, share in enumerate(find(plant))
             if share != 0
@@ -106,26 +110,26 @@ class StepResponseTask:
     `demand` holds the weights that define it, None where it is not wanted.
     """
 
-    experiment: solver.simulation.Experiment
+    experiment: Experiment
     demand: tuple[solver.model.weights.Uncertainty, solver.model.weights.Performance] | None
 
-    def simulate(self) -> solver.simulation.StepResponse:
+    def simulate(self) -> solver.simulation.step_response.StepResponse:
         """Return the responses.
 
         Raises
         ------
         InvalidInputError
-            As `solver.simulation.step_response`, or there is no worst perturbation.
+            As `solver.simulation.step_response.step_response`, or there is no worst perturbation.
 
         """
         if self.demand is None:
-            return solver.simulation.step_response(self.experiment)
+            return solver.simulation.step_response.step_response(self.experiment)
         # Here, since it brings the kernels, and the service that reads requests needs none.
         from solver.simulation.worst_actuators import with_worst_actuators
 
         with below("/perturbation"):
             perturbed = with_worst_actuators(self.experiment, *self.demand)
-        return solver.simulation.step_response(perturbed)
+        return solver.simulation.step_response.step_response(perturbed)
 
 
 Row = Annotated[tuple[Coefficient, ...], Field(min_length=1, max_length=MAX_MATRIX_SIZE)]
@@ -222,7 +226,7 @@ class StepResponseRequest(AnalysisRequest):
         if actuators is not None and len(actuators) != plant.n:
             message = f"{len(actuators)} actuators for a plant of {plant.n} units"
             raise InvalidInputError(message, "/perturbation")
-        experiment = solver.simulation.Experiment(
+        experiment = Experiment(
             plant=plant,
             loops=tuple(loops),
             steps=tuple(steps),
@@ -422,7 +426,7 @@ ANALYSIS = Analysis(
     request=StepResponseRequest,
     result=StepResponseResult,
     compute=compute,
-    computes_with=("solver.simulation", "solver.simulation.worst_actuators"),
+    computes_with=("solver.simulation.step_response", "solver.simulation.worst_actuators"),
     table=table,
     figures=Figures(of="a step response", drawn=DrawnStepResponse, draw=draw),
 )

@@ -9,7 +9,6 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-import solver.tuning
 import solver.tuning.record
 from service.cli.console import show
 from service.cli.interruption import Stopping
@@ -73,6 +72,8 @@ def tune_file(
 
 
 def _tune(request: TuningRequest, stopping: Stopping) -> dict[str, object]:
+    from solver.tuning import tuner  # noqa: PLC0415 - compiled kernels, where tunings run alone
+
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
@@ -96,6 +97,6 @@ def _tune(request: TuningRequest, stopping: Stopping) -> dict[str, object]:
             return stopping.wanted
 
         compiling = Compiling(lambda: console.print(_COMPILING))
-        tuning = solver.tuning.tune(request.build(), on_progress)
+        tuning = tuner.tune(request.build(), on_progress)
         del compiling
         return tuning_to_json(tuning) | request.identity()

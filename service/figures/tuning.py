@@ -13,7 +13,7 @@ from service.figures.responses import tuned_response
 from service.figures.search import landscape
 from service.tuned import Tuned
 from solver.model.errors import InvalidInputError
-from solver.simulation import difficult_direction, easy_direction
+from solver.simulation.directions import difficult_direction, easy_direction
 
 __all__ = ["TuningFigures", "tuning_figures"]
 

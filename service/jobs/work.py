@@ -13,7 +13,6 @@ from distributed import Worker, get_worker
 from pydantic_core import to_json
 
 import service.schemas
-import solver.tuning
 from service.jobs.records import JobStatus, Outcome
 from service.problems import NumbersError, describe
 from solver.model.errors import Cancelled, InvalidInputError
@@ -98,9 +97,11 @@ class _Reporter:
 
 
 def _outcome(request: str, report: _Reporter) -> Outcome:
+    from solver.tuning import tuner  # noqa: PLC0415 - compiled kernels, where tunings run alone
+
     try:
         asked = service.schemas.parse_tuning_request(request)
-        tuning = solver.tuning.tune(asked.build(), report)
+        tuning = tuner.tune(asked.build(), report)
     except Cancelled:
         return Outcome(JobStatus.CANCELLED)
     except InvalidInputError as error:

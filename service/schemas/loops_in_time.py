@@ -6,7 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-import solver.simulation
+import solver.simulation.experiment
+import solver.simulation.loops
 from service.schemas.fields import WHOLE, Gain, PositiveTime, RequestModel, Time
 from solver.model.plants import MAX_UNITS
 from solver.model.transfer_function import LARGEST
@@ -46,9 +47,9 @@ class SimulatedLoop(RequestModel):
         examples=[1.0, 0.0],
     )
 
-    def build(self) -> solver.simulation.Loop:
+    def build(self) -> solver.simulation.loops.Loop:
         """Return the solver's loop."""
-        return solver.simulation.Loop(
+        return solver.simulation.loops.Loop(
             self.gain,
             self.integral_time,
             self.derivative_time,
@@ -69,10 +70,10 @@ class TimeStep(RequestModel):
     time: Time = Field(default=0.0, description="When it happens.", examples=[0.0])
     size: Size = Field(default=1.0, description="Its size, not zero.", examples=[1.0])
 
-    def build(self) -> solver.simulation.Step:
+    def build(self) -> solver.simulation.experiment.Step:
         """Return the solver's step."""
-        return solver.simulation.Step(
-            solver.simulation.StepKind(self.kind), self.unit, self.time, self.size
+        return solver.simulation.experiment.Step(
+            solver.simulation.experiment.StepKind(self.kind), self.unit, self.time, self.size
         )
 
 
@@ -92,6 +93,6 @@ class InputLimits(RequestModel):
         examples=[None, 10.0],
     )
 
-    def build(self) -> solver.simulation.Limits:
+    def build(self) -> solver.simulation.loops.Limits:
         """Return the solver's limits."""
-        return solver.simulation.Limits(self.low, self.high, self.tracking_time)
+        return solver.simulation.loops.Limits(self.low, self.high, self.tracking_time)

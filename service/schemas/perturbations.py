@@ -9,7 +9,7 @@ from pydantic import Field, JsonValue
 
 import solver.model.transfer_function
 import solver.model.weights
-import solver.simulation
+import solver.simulation.actuators
 from service.schemas.fields import RequestModel, below
 from service.schemas.plants import TransferFunction
 from service.schemas.weights import Performance, Uncertainty
@@ -35,11 +35,11 @@ class ActuatorPerturbation(RequestModel):
         description="Stable transfer functions, one a unit.", examples=[_ACTUATORS]
     )
 
-    def build(self) -> solver.simulation.OwnActuators:
+    def build(self) -> solver.simulation.actuators.OwnActuators:
         """Return the solver's actuators."""
         functions = _built(self.functions, "/functions")
         with below("/functions"):
-            return solver.simulation.OwnActuators(functions)
+            return solver.simulation.actuators.OwnActuators(functions)
 
 
 class CoupledPerturbation(RequestModel):
@@ -56,11 +56,11 @@ class CoupledPerturbation(RequestModel):
         description="Stable transfer functions, one a unit.", examples=[_FACTOR]
     )
 
-    def build(self) -> solver.simulation.CoupledActuators:
+    def build(self) -> solver.simulation.actuators.CoupledActuators:
         """Return the solver's actuators."""
         with below("/weight"):
             weight = self.weight.build()
-        return solver.simulation.CoupledActuators(
+        return solver.simulation.actuators.CoupledActuators(
             weight, _built(self.left, "/left"), _built(self.right, "/right")
         )
 

@@ -10,7 +10,8 @@ from solver.identification.record import Record
 from solver.model.errors import InvalidInputError
 
 if TYPE_CHECKING:
-    from solver.relay import RelayExperiment, RelayOutcome
+    from solver.relay.analysis import RelayOutcome
+    from solver.relay.experiment import RelayExperiment
 
 __all__ = ["relay_record"]
 

@@ -171,7 +171,7 @@ class LoopAnalysis:
     def _scales(self, loop: _Loop, performance: float) -> NDArray[np.float64]:
         """Optimal D-scales (k, scales); `performance` 0 is robust stability alone."""
         y = np.zeros((len(loop.c), self.blocks.n_scales))
-        all_free = cold = True  # compiled code takes no keywords
+        all_free = cold = True  # named here: positional booleans say nothing
         sweep(
             loop.G, loop.c, loop.u, performance * loop.b, self.blocks.layout,
             all_free, FINE, cold, y,

@@ -65,10 +65,7 @@ class Tuned:
 
         For the objective 'mu' there may be settings whose peak of mu is above 1.
         """
-        peaks = self.tuning.peaks
-        # tau_P ends with its peak at one, to rounding.
-        kept = peaks is not None and peaks.robust_performance.value <= 1 + 1e-6
-        return self.tuning.status is Status.OPTIMAL and kept
+        return self.tuning.status is Status.OPTIMAL and self.tuning.demand_met
 
     @property
     def tau_p(self) -> float:

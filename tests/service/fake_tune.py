@@ -6,16 +6,16 @@ The seed of the request says what: end at once, take a time, ignore its callback
 import os
 import time
 
-import solver.tuning
 from solver.model.controllers import Controller
 from solver.model.errors import UnsupportedPlantError
+from solver.tuning import tuner
 from solver.tuning.record import LocalOptimum, Progress, SearchSummary, Status, Tuning
 
 SLOW, STUCK, DEADLY, UNSUPPORTED, BROKEN = 1, 2, 3, 4, 5
 
 
 def tune(specification, progress=None):
-    """Stand in for `solver.tuning.tune`; SLOW runs for `starts` hundredths of a second."""
+    """Stand in for `solver.tuning.tuner.tune`; SLOW runs for `starts` hundredths of a second."""
     match specification.seed:
         case s if s == SLOW:
             steps = specification.starts or 1
@@ -51,4 +51,4 @@ def tune(specification, progress=None):
 
 def dask_setup(_worker):
     """Put it in place, in a worker process only."""
-    solver.tuning.tune = tune
+    tuner.tune = tune

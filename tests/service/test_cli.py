@@ -13,13 +13,13 @@ import pytest
 from samples import ROBUSTNESS, TUNING, altered
 from typer.testing import CliRunner, Result
 
-import solver.tuning
 from service.analyses.robustness import RobustnessResult
 from service.cli.commands import app
 from service.schemas import TuningResult
 from solver.model.controllers import Controller
-from solver.tuning import Specification
+from solver.tuning import tuner
 from solver.tuning.record import LocalOptimum, Progress, SearchSummary, Status, Tuning
+from solver.tuning.specification import Specification
 
 ROOT = Path(__file__).parent.parent.parent
 # One start is enough to see the command work.
@@ -55,7 +55,7 @@ def ending_as(monkeypatch: pytest.MonkeyPatch, status: Status, **fields: Any) ->
         progress(Progress(0.5, 21.0, 1, 3))
         return outcome(specification, status, **fields)
 
-    monkeypatch.setattr(solver.tuning, "tune", tune)
+    monkeypatch.setattr(tuner, "tune", tune)
 
 
 def test_tune_prints_the_json_result_alone() -> None:
@@ -126,7 +126,7 @@ def test_interrupted_tuning_exits_with_130(monkeypatch: pytest.MonkeyPatch) -> N
     def tune(_specification: object, _progress: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(solver.tuning, "tune", tune)
+    monkeypatch.setattr(tuner, "tune", tune)
     result = mutune("tune", "-", request=TUNING)
     assert (result.exit_code, result.stdout, result.stderr) == (130, "", "Interrupted.\n")
 
@@ -138,7 +138,7 @@ def test_fault_of_the_solver_is_one_line_to_report(monkeypatch: pytest.MonkeyPat
         message = "the matrix is singular"
         raise ArithmeticError(message)
 
-    monkeypatch.setattr(solver.tuning, "tune", tune)
+    monkeypatch.setattr(tuner, "tune", tune)
     result = mutune("tune", "-", request=TUNING)
     assert result.exit_code == 1
     assert re.fullmatch(

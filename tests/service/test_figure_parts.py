@@ -38,8 +38,11 @@ from solver.interaction.decoupling import DecouplingSpecification, decouple
 from solver.model.controllers import Controller
 from solver.model.plants import MatrixPlant, first_order
 from solver.model.transfer_function import TransferFunction
-from solver.relay import Relay, RelayExperiment, relay_experiment
-from solver.simulation import Experiment, Loop, Step, StepKind, step_response
+from solver.relay.analysis import relay_experiment
+from solver.relay.experiment import Relay, RelayExperiment
+from solver.simulation.experiment import Experiment, Step, StepKind
+from solver.simulation.loops import Loop
+from solver.simulation.step_response import step_response
 
 # Machado, Oliveira and Fernandes (2009): what deuteranopes and protanopes see of linear RGB.
 DICHROMATS = {

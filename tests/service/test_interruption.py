@@ -13,9 +13,10 @@ import pytest
 
 import service.cli  # noqa: F401 - one test is about the import
 from service.schemas import TuningRequest
-from solver.tuning import Specification, tune
 from solver.tuning.compiling import Compiling
 from solver.tuning.record import Progress, Status
+from solver.tuning.specification import Specification
+from solver.tuning.tuner import tune
 
 # Sends itself the signal when the tuning has a best value, or before anything else.
 PROGRAM = """
@@ -31,8 +32,8 @@ if when == "imports":
         os.kill(os.getpid(), signal.SIGINT)
     service.cli.end_at_once = early
 else:
-    import solver.tuning
-    real = solver.tuning.tune
+    import solver.tuning.tuner
+    real = solver.tuning.tuner.tune
     def tune(specification, progress):
         def watched(now):
             progress(now)
@@ -41,7 +42,7 @@ else:
                     os.kill(os.getpid(), signal.SIGINT)
             return progress(now)
         return real(specification, watched)
-    solver.tuning.tune = tune
+    solver.tuning.tuner.tune = tune
 main()
 """
 REQUEST = {

@@ -14,7 +14,7 @@ from service.schemas.trade_off import TradeOff
 from service.trade_off import sweep
 from service.tuned import Tuned
 from solver.model.errors import InvalidInputError
-from solver.tuning import tune
+from solver.tuning.tuner import tune
 
 REQUEST = tuning(seed=1, starts=4)
 

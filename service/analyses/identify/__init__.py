@@ -48,7 +48,9 @@ def compute(request: IdentificationRequest) -> dict[str, Any]:
 
 def identified(task: IdentificationTask) -> dict[str, Any]:
     """Return the plant that records tell, as JSON."""
-    from solver.identification import Allowed, Structure, identify
+    from solver.identification.identify import identify
+    from solver.identification.problem import Structure
+    from solver.identification.selection import Allowed
 
     found = identify(
         task.used,
@@ -118,7 +120,7 @@ ANALYSIS = Analysis(
     request=IdentificationRequest,
     result=IdentificationResult,
     compute=compute,
-    computes_with=("solver.identification",),
+    computes_with=("solver.identification.identify",),
     table=table,
     figures=Figures(of="an identification", drawn=DrawnIdentification, draw=draw),
 )

@@ -18,7 +18,7 @@ __all__ = ["ANALYSIS", "EXAMPLE", "RelayExperimentRequest", "RelayExperimentResu
 
 def compute(request: RelayExperimentRequest) -> dict[str, Any]:
     """Return the outcome of the request's experiment."""
-    from solver.relay import relay_experiment
+    from solver.relay.analysis import relay_experiment
 
     outcome = relay_experiment(request.build())
     document: dict[str, Any] = encode(outcome)
@@ -45,7 +45,7 @@ ANALYSIS = Analysis(
     request=RelayExperimentRequest,
     result=RelayExperimentResult,
     compute=compute,
-    computes_with=("solver.relay",),
+    computes_with=("solver.relay.analysis",),
     table=table,
     figures=Figures(of="a relay experiment", drawn=DrawnRelayExperiment, draw=draw),
 )

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, JsonValue
 
-import solver.relay
+import solver.relay.experiment
 from service.schemas.controllers import Loop
 from service.schemas.drawn import Complex
 from service.schemas.fields import (
@@ -69,9 +69,9 @@ class RelaySettings(RequestModel):
         examples=[None, 0.01],
     )
 
-    def build(self) -> solver.relay.Relay:
+    def build(self) -> solver.relay.experiment.Relay:
         """Return the solver's relay."""
-        return solver.relay.Relay(self.amplitude, self.hysteresis, self.sampling_period)
+        return solver.relay.experiment.Relay(self.amplitude, self.hysteresis, self.sampling_period)
 
 
 class PlacedLoop(RequestModel):
@@ -83,10 +83,10 @@ class PlacedLoop(RequestModel):
         description="Its settings.", examples=[{"gain": 6.5, "integral_time": 0.56}]
     )
 
-    def build(self) -> solver.relay.PlacedLoop:
+    def build(self) -> solver.relay.experiment.PlacedLoop:
         """Return the solver's loop."""
         with below("/loop"):
-            return solver.relay.PlacedLoop(self.output, self.input, self.loop.build())
+            return solver.relay.experiment.PlacedLoop(self.output, self.input, self.loop.build())
 
 
 class RelayExperimentRequest(AnalysisRequest):
@@ -113,7 +113,7 @@ class RelayExperimentRequest(AnalysisRequest):
 
     model_config = ConfigDict(json_schema_extra={"examples": [EXAMPLE]})
 
-    def build(self) -> solver.relay.RelayExperiment:
+    def build(self) -> solver.relay.experiment.RelayExperiment:
         """Return the solver's experiment.
 
         Raises
@@ -134,7 +134,7 @@ class RelayExperimentRequest(AnalysisRequest):
         for index, step in enumerate(self.steps):
             with below(f"/steps/{index}"):
                 steps.append(step.build())
-        return solver.relay.RelayExperiment(
+        return solver.relay.experiment.RelayExperiment(
             plant=plant,
             output=self.output,
             input=self.input,

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from solver.identification import Record
+from solver.identification.record import Record
 
 
 @dataclass(frozen=True)

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 from drawn import Lag, record
 
-from solver.identification import Structure, cover, cover_by_error, identify
+from solver.identification.cover import cover, cover_by_error
 from solver.identification.errors import matrix_errors, parallel_errors
+from solver.identification.identify import identify
+from solver.identification.problem import Structure
 from solver.model.errors import InvalidInputError
 from solver.model.weights import Uncertainty
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from solver.identification import read_record
+from solver.identification.reading import read_record
 from solver.model.errors import InvalidInputError
 
 EXAMPLES = Path(__file__).parents[3] / "examples"

@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 from drawn import Lag, lag, moves, record, respond
 
-from solver.identification import Allowed, ElementKind, Record, Start, Structure, identify
-from solver.identification.problem import limits, matrix_rows, starts
+from solver.identification.elements import ElementKind
+from solver.identification.identify import identify
+from solver.identification.problem import Start, Structure, limits, matrix_rows, starts
+from solver.identification.record import Record
 from solver.identification.row_fit import fit_row
+from solver.identification.selection import Allowed
 from solver.model.errors import UnsupportedPlantError
 from solver.model.plants import ParallelPlant
 

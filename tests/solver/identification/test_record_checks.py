@@ -5,7 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from solver.identification import Record, Structure, identify
+from solver.identification.identify import identify
+from solver.identification.problem import Structure
+from solver.identification.record import Record
 from solver.model.errors import InvalidInputError
 
 TIME = np.arange(30.0)

@@ -3,13 +3,15 @@
 import numpy as np
 import pytest
 
-from solver.identification import Allowed, identify, relay_record
+from solver.identification.identify import identify
+from solver.identification.relay_record import relay_record
+from solver.identification.selection import Allowed
 from solver.model.errors import InvalidInputError
 from solver.model.plants import MatrixPlant
 from solver.model.transfer_function import TransferFunction
-from solver.relay import Relay, RelayExperiment, relay_experiment
-from solver.relay.experiment import PlacedLoop
-from solver.simulation import Loop
+from solver.relay.analysis import relay_experiment
+from solver.relay.experiment import PlacedLoop, Relay, RelayExperiment
+from solver.simulation.loops import Loop
 
 PLANT = MatrixPlant(
     [

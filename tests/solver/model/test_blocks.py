@@ -7,7 +7,8 @@ from solver.model.errors import InvalidInputError
 from solver.model.plants import ParallelPlant, first_order
 from solver.model.transfer_function import TransferFunction
 from solver.model.weights import Performance, Structure, Uncertainty
-from solver.mu import BlockStructure, upper_bound
+from solver.mu.scaling import upper_bound
+from solver.mu.structure import BlockStructure
 from solver.robustness.curves import LoopAnalysis
 
 OMEGA = np.geomspace(1e-4, 1e2, 25)

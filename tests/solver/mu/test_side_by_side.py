@@ -10,12 +10,12 @@ from solver.model.blocks import group_loops, reduce
 from solver.model.controllers import Controller
 from solver.model.plants import first_order
 from solver.model.weights import Performance, Structure, Uncertainty
-from solver.mu import BlockStructure, bound_of_scales
 from solver.mu.batch import batch
 from solver.mu.kernel import FINE
 from solver.mu.lanes import WIDTH, exp, load, log, store
 from solver.mu.scaling import sweep
 from solver.mu.side_by_side import sweep as sweep_side_by_side
+from solver.mu.structure import BlockStructure, bound_of_scales
 from solver.mu.workspace import compiled
 from solver.robustness.analysis import LoopAnalysis
 

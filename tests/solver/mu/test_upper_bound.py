@@ -7,7 +7,9 @@ from zoo import ZOO
 
 from solver.model.blocks import group_loops
 from solver.model.errors import InvalidInputError
-from solver.mu import BlockStructure, bound_of_scales, sdp, upper_bound
+from solver.mu import sdp
+from solver.mu.scaling import upper_bound
+from solver.mu.structure import BlockStructure, bound_of_scales
 from solver.robustness.curves import LoopAnalysis
 
 EXTREMES = np.array([1e-6, 1e-3, 0.02, 0.3, 1.5, 1e2, 1e6])

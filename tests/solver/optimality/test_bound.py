@@ -14,10 +14,17 @@ from solver.model.transfer_function import TransferFunction
 from solver.model.weights import Performance, Structure, Uncertainty
 from solver.optimality.bound import BranchAndBound
 from solver.optimality.record import Proof
-from solver.tuning import Arrangement, Bounds, ControllerKind, Objective, Specification, tune
 from solver.tuning.groupings import groupings
 from solver.tuning.record import Status
 from solver.tuning.search import Freedom, GroupingSearch
+from solver.tuning.specification import (
+    Arrangement,
+    Bounds,
+    ControllerKind,
+    Objective,
+    Specification,
+)
+from solver.tuning.tuner import tune
 
 
 def task(plant, arrangement=Arrangement.IDENTICAL, **more):

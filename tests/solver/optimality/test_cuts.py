@@ -20,9 +20,9 @@ from solver.optimality.cuts import NU, cuts
 from solver.optimality.infeasibility import least_weights
 from solver.optimality.samples import samples
 from solver.optimality.settings_box import weighted
-from solver.tuning import ControllerKind, Specification
 from solver.tuning.objective import FORBIDDEN, LoopObjective, TauGoal
 from solver.tuning.search import Freedom, GroupingSearch
+from solver.tuning.specification import ControllerKind, Specification
 
 OMEGA = np.geomspace(1e-3, 20, 12)
 

@@ -4,8 +4,9 @@ import numpy as np
 
 from solver.model.plants import MatrixPlant
 from solver.model.transfer_function import TransferFunction
-from solver.relay import PlacedLoop, Relay, RelayExperiment
-from solver.simulation import Loop, Step
+from solver.relay.experiment import PlacedLoop, Relay, RelayExperiment
+from solver.simulation.experiment import Step
+from solver.simulation.loops import Loop
 
 _OWN = TransferFunction([100], np.poly([-1, -10, -10]))
 _CROSS = TransferFunction([200], np.poly([-3, -10, -10]))

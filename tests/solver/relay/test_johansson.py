@@ -7,8 +7,11 @@ import johansson
 import numpy as np
 import pytest
 
-from solver.relay import Behaviour, PlacedLoop, RelayOutcome, relay_experiment
-from solver.simulation import Loop, Step, StepKind
+from solver.relay.analysis import RelayOutcome, relay_experiment
+from solver.relay.behaviour import Behaviour
+from solver.relay.experiment import PlacedLoop
+from solver.simulation.experiment import Step, StepKind
+from solver.simulation.loops import Loop
 
 # Printed in section 3: loop, K_u, K_u', omega_u.
 TABLE = [

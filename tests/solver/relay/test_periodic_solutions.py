@@ -41,7 +41,7 @@ def test_solution_repeats_itself_with_the_opposite_sign() -> None:
 
 def test_eigenvalues_foretell_how_fast_a_disturbance_dies() -> None:
     """The interval errors of a relay oscillation shrink by the largest eigenvalue of W."""
-    from solver.relay import relay_experiment  # noqa: PLC0415
+    from solver.relay.analysis import relay_experiment  # noqa: PLC0415
 
     process = TransferFunction([1], np.poly([-1, -2, -3]))
     plant = MatrixPlant([[process]])

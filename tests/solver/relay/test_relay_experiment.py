@@ -9,16 +9,11 @@ from solver.model import memory
 from solver.model.errors import InvalidInputError
 from solver.model.plants import MatrixPlant, ParallelPlant, Plant, first_order
 from solver.model.transfer_function import TransferFunction
-from solver.relay import (
-    Behaviour,
-    PlacedLoop,
-    Relay,
-    RelayExperiment,
-    RelayOutcome,
-    relay_experiment,
-)
-from solver.relay.experiment import wire
-from solver.simulation import Loop, Step, StepKind
+from solver.relay.analysis import RelayOutcome, relay_experiment
+from solver.relay.behaviour import Behaviour
+from solver.relay.experiment import PlacedLoop, Relay, RelayExperiment, wire
+from solver.simulation.experiment import Step, StepKind
+from solver.simulation.loops import Loop
 
 
 def alone(process: TransferFunction, relay: Relay, duration: float) -> RelayOutcome:

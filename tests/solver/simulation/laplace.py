@@ -5,10 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from solver.model.plants import Plant
-from solver.simulation import Experiment, Loop, StepKind
 from solver.simulation.chebyshev import NODES, QUADRATURE
 from solver.simulation.closed_loop import close, events
+from solver.simulation.experiment import Experiment, Step, StepKind, acts
 from solver.simulation.integrator import End, integrate
+from solver.simulation.loops import Loop
 from solver.simulation.paths import Paths
 
 
@@ -84,9 +85,6 @@ def _law(loop: Loop | None, s: float, b: float, c: float) -> float:
 
 def random_experiment(rng: np.random.Generator, plant: Plant, duration: float) -> Experiment:
     """Calm loops, some open, with steps of every kind at random times."""
-    from solver.simulation import Step  # noqa: PLC0415
-    from solver.simulation.experiment import acts  # noqa: PLC0415
-
     loops: Sequence[Loop | None] = [
         None
         if rng.random() < 0.2

@@ -6,7 +6,7 @@ import pytest
 from solver.model.errors import InvalidInputError
 from solver.model.plants import MatrixPlant, ParallelPlant, first_order
 from solver.model.transfer_function import TransferFunction
-from solver.simulation import difficult_direction, easy_direction
+from solver.simulation.directions import difficult_direction, easy_direction
 
 
 @pytest.mark.parametrize("n", [2, 3, 5])

@@ -9,8 +9,11 @@ import pytest
 
 from solver.model.plants import MatrixPlant
 from solver.model.transfer_function import TransferFunction
-from solver.simulation import End, Experiment, Loop, Step, StepKind, StepResponse, step_response
 from solver.simulation.algebraic import solve_signals
+from solver.simulation.experiment import Experiment, Step, StepKind
+from solver.simulation.integrator import End
+from solver.simulation.loops import Loop
+from solver.simulation.step_response import StepResponse, step_response
 
 Element = tuple[list[float], list[float], float]
 

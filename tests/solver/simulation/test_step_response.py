@@ -9,21 +9,13 @@ import pytest
 from solver.model.errors import InvalidInputError
 from solver.model.plants import MatrixPlant, ParallelPlant, first_order
 from solver.model.transfer_function import TransferFunction
-from solver.simulation import (
-    CoupledActuators,
-    End,
-    Experiment,
-    Limits,
-    Loop,
-    OwnActuators,
-    Step,
-    StepKind,
-    StepResponse,
-    difficult_direction,
-    easy_direction,
-    integrator,
-    step_response,
-)
+from solver.simulation import integrator
+from solver.simulation.actuators import CoupledActuators, OwnActuators
+from solver.simulation.directions import difficult_direction, easy_direction
+from solver.simulation.experiment import Experiment, Step, StepKind
+from solver.simulation.integrator import End
+from solver.simulation.loops import Limits, Loop
+from solver.simulation.step_response import StepResponse, step_response
 
 SETPOINT = Step(StepKind.SETPOINT, 0, 0.0, 1.0)
 INTEGRATOR = MatrixPlant([[TransferFunction([1], [1, 0])]])

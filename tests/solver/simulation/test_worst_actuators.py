@@ -8,16 +8,11 @@ from solver.model.errors import InvalidInputError
 from solver.model.plants import first_order
 from solver.model.weights import Performance, Structure, Uncertainty
 from solver.robustness.analysis import analyse
-from solver.simulation import (
-    CoupledActuators,
-    End,
-    Experiment,
-    Loop,
-    OwnActuators,
-    Step,
-    StepKind,
-    step_response,
-)
+from solver.simulation.actuators import CoupledActuators, OwnActuators
+from solver.simulation.experiment import Experiment, Step, StepKind
+from solver.simulation.integrator import End
+from solver.simulation.loops import Loop
+from solver.simulation.step_response import step_response
 from solver.simulation.worst_actuators import with_worst_actuators, worst_actuators
 
 PLANT = first_order(2, 1.0, 100.0, 0.949)

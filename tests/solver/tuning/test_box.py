@@ -13,16 +13,16 @@ from solver.model.plants import MatrixPlant, ParallelPlant, first_order
 from solver.model.transfer_function import TransferFunction
 from solver.model.weights import Performance, Uncertainty
 from solver.stability.closed_loop import is_stable
-from solver.tuning import (
+from solver.tuning.record import Status
+from solver.tuning.specification import (
     Arrangement,
     Bounds,
     ControllerKind,
     Objective,
     Signs,
     Specification,
-    tune,
 )
-from solver.tuning.record import Status
+from solver.tuning.tuner import tune
 
 NONE = TransferFunction([0], [1])
 

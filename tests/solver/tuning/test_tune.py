@@ -12,8 +12,15 @@ from solver.model.transfer_function import TransferFunction
 from solver.model.weights import Performance, Uncertainty
 from solver.robustness.curves import LoopAnalysis
 from solver.stability.closed_loop import is_stable
-from solver.tuning import Arrangement, Bounds, ControllerKind, Objective, Specification, tune
 from solver.tuning.record import Status
+from solver.tuning.specification import (
+    Arrangement,
+    Bounds,
+    ControllerKind,
+    Objective,
+    Specification,
+)
+from solver.tuning.tuner import tune
 
 
 def run(plant, arrangement, **more):
