@@ -25,6 +25,16 @@ if TYPE_CHECKING:
     from solver.certificate.record import Certificate, Claim, ProvenInterval
     from solver.certificate.search import CertificateFailure, Obstacle, certify
     from solver.certificate.verify import Verdict, Verification, check, verify
+    from solver.identification.cover import cover, cover_by_error
+    from solver.identification.equality import Equality
+    from solver.identification.findings import Estimate, FittedElement
+    from solver.identification.identify import Identification, Prediction, identify
+    from solver.identification.problem import PlantStructure
+    from solver.identification.reading import read_record
+    from solver.identification.record import Record
+    from solver.identification.relay_record import relay_record
+    from solver.identification.selection import Allowed
+    from solver.identification.uncertainty import Cover
     from solver.interaction.analysis import Interaction, RelativeGainCurves, analyse_interaction
     from solver.interaction.decoupling import Decoupling, DecouplingSpecification, decouple
     from solver.interaction.drive_simulation import (
@@ -49,17 +59,27 @@ if TYPE_CHECKING:
     )
     from solver.interaction.relative_gain import relative_gain_array
     from solver.interaction.zeros import TransmissionZeros, Zero, transmission_zeros
+    from solver.limits.lower_bound import LowerBound
+    from solver.limits.multivariable import multivariable_limit
+    from solver.limits.record import Limit, LimitStatus, Realised
     from solver.model.controllers import Controller, IdealForm, ParallelForm
     from solver.model.errors import Cancelled, InvalidInputError, MutuneError, UnsupportedPlantError
+    from solver.model.parallel_equipment import (
+        BurnerPasses,
+        ParallelCompressors,
+        ParallelExchangers,
+    )
     from solver.model.peaks import Peak
     from solver.model.physical_models import Blender, CooledReactors, StreamSplit
     from solver.model.plants import MatrixPlant, ParallelPlant, Plant, first_order
+    from solver.model.state_space import StateSpace
     from solver.model.transfer_function import TransferFunction
     from solver.model.weights import Performance, Structure, Uncertainty
     from solver.optimality.record import Optimality, Proof
     from solver.relay.analysis import RelayOutcome, relay_experiment
     from solver.relay.experiment import PlacedLoop, Relay, RelayExperiment
     from solver.robustness.analysis import analyse
+    from solver.robustness.centralised import Centralised, ModeController, analyse_centralised
     from solver.robustness.integrity import Detuning, Integrity, ServiceClass, integrity
     from solver.robustness.margins import LoopMargins, Margins, loop_margins
     from solver.robustness.record import Curves, Guarantee, GuaranteeStatus, Peaks, Robustness
@@ -94,10 +114,13 @@ if TYPE_CHECKING:
     from solver.workbench.tuning import tune
 
 __all__ = [
+    "Allowed",
     "Arrangement",
     "Blender",
     "Bounds",
+    "BurnerPasses",
     "Cancelled",
+    "Centralised",
     "Certificate",
     "CertificateFailure",
     "Claim",
@@ -108,6 +131,7 @@ __all__ = [
     "ControllerKind",
     "CooledReactors",
     "CoupledActuators",
+    "Cover",
     "Curves",
     "Decoupling",
     "DecouplingSpecification",
@@ -121,24 +145,32 @@ __all__ = [
     "DriveScenario",
     "DriveSimulation",
     "End",
+    "Equality",
+    "Estimate",
     "Experiment",
+    "FittedElement",
     "Guarantee",
     "GuaranteeStatus",
     "IdealForm",
+    "Identification",
     "InfeasibleError",
     "Integrity",
     "Interaction",
     "InvalidInputError",
     "JobEndedError",
+    "Limit",
+    "LimitStatus",
     "Limits",
     "LocalOptimum",
     "Loop",
     "LoopEffect",
     "LoopEffectQuery",
     "LoopMargins",
+    "LowerBound",
     "Margins",
     "MatrixPlant",
     "Metrics",
+    "ModeController",
     "MutuneError",
     "Objective",
     "Obstacle",
@@ -146,7 +178,9 @@ __all__ = [
     "OwnActuators",
     "Pairing",
     "PairingRanking",
+    "ParallelCompressors",
     "ParallelDrives",
+    "ParallelExchangers",
     "ParallelForm",
     "ParallelPlant",
     "Peak",
@@ -154,10 +188,14 @@ __all__ = [
     "Performance",
     "PlacedLoop",
     "Plant",
+    "PlantStructure",
+    "Prediction",
     "Progress",
     "Proof",
     "ProvenInterval",
     "RankOnePerturbation",
+    "Realised",
+    "Record",
     "RelativeGainCurves",
     "Relay",
     "RelayExperiment",
@@ -171,6 +209,7 @@ __all__ = [
     "ServiceUnreachableError",
     "Signs",
     "Specification",
+    "StateSpace",
     "Status",
     "Step",
     "StepKind",
@@ -190,25 +229,32 @@ __all__ = [
     "Zero",
     "__version__",
     "analyse",
+    "analyse_centralised",
     "analyse_drives",
     "analyse_interaction",
     "certify",
     "check",
+    "cover",
+    "cover_by_error",
     "create_app",
     "decouple",
     "difficult_direction",
     "easy_direction",
     "first_order",
+    "identify",
     "integrity",
     "load",
     "loop_effect",
     "loop_margins",
+    "multivariable_limit",
     "niederlinski_index",
     "plant",
     "rank_pairings",
     "read_certificate",
+    "read_record",
     "relative_gain_array",
     "relay_experiment",
+    "relay_record",
     "simulate_drives",
     "step_response",
     "to_control",
@@ -228,6 +274,16 @@ _HOMES = {
     "solver.certificate.record": "Certificate Claim ProvenInterval",
     "solver.certificate.search": "CertificateFailure Obstacle certify",
     "solver.certificate.verify": "Verdict Verification check verify",
+    "solver.identification.cover": "cover cover_by_error",
+    "solver.identification.equality": "Equality",
+    "solver.identification.findings": "Estimate FittedElement",
+    "solver.identification.identify": "Identification Prediction identify",
+    "solver.identification.problem": "PlantStructure",
+    "solver.identification.reading": "read_record",
+    "solver.identification.record": "Record",
+    "solver.identification.relay_record": "relay_record",
+    "solver.identification.selection": "Allowed",
+    "solver.identification.uncertainty": "Cover",
     "solver.interaction.analysis": "Interaction RelativeGainCurves analyse_interaction",
     "solver.interaction.decoupling": "Decoupling DecouplingSpecification decouple",
     "solver.interaction.drive_simulation": (
@@ -239,17 +295,23 @@ _HOMES = {
     "solver.interaction.parallel_drives": "Drive DriveAnalysis ParallelDrives analyse_drives",
     "solver.interaction.relative_gain": "relative_gain_array",
     "solver.interaction.zeros": "TransmissionZeros Zero transmission_zeros",
+    "solver.limits.lower_bound": "LowerBound",
+    "solver.limits.multivariable": "multivariable_limit",
+    "solver.limits.record": "Limit LimitStatus Realised",
     "solver.model.controllers": "Controller IdealForm ParallelForm",
     "solver.model.errors": "Cancelled InvalidInputError MutuneError UnsupportedPlantError",
+    "solver.model.parallel_equipment": "BurnerPasses ParallelCompressors ParallelExchangers",
     "solver.model.peaks": "Peak",
     "solver.model.physical_models": "Blender CooledReactors StreamSplit",
     "solver.model.plants": "MatrixPlant ParallelPlant Plant first_order",
+    "solver.model.state_space": "StateSpace",
     "solver.model.transfer_function": "TransferFunction",
     "solver.model.weights": "Performance Structure Uncertainty",
     "solver.optimality.record": "Optimality Proof",
     "solver.relay.analysis": "RelayOutcome relay_experiment",
     "solver.relay.experiment": "PlacedLoop Relay RelayExperiment",
     "solver.robustness.analysis": "analyse",
+    "solver.robustness.centralised": "Centralised ModeController analyse_centralised",
     "solver.robustness.integrity": "Detuning Integrity ServiceClass integrity",
     "solver.robustness.margins": "LoopMargins Margins loop_margins",
     "solver.robustness.record": "Curves Guarantee GuaranteeStatus Peaks Robustness",

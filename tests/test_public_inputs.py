@@ -30,6 +30,10 @@ DRIVES = mutune.ParallelDrives(LOAD, [DRIVE, DRIVE])
 SCENARIO = mutune.DriveScenario()
 RELAY = mutune.Relay()
 GAIN = [[2.0, 1.0], [1.0, 2.0]]
+INTEGRAL = mutune.StateSpace([[0.0]], [[1.0]], [[0.1]], [[0.5]])
+MODES = mutune.ModeController(INTEGRAL, INTEGRAL)
+TIMES = np.arange(40.0)
+RECORD = mutune.Record(TIMES, {"u": TIMES % 7}, {"y": np.sin(TIMES)})
 
 # Each with arguments that it accepts; every one of them is then replaced.
 CASES: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
@@ -49,6 +53,22 @@ CASES: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
             "first_flow": 70.0, "second_flow": 30.0, "first_fraction": 0.9,
             "second_fraction": 0.2, "flow_time": 1.0,
         },
+        "ParallelExchangers": {
+            "n": 3, "holdup_heat": 800.0, "stream_heat": 20.0, "medium_flow": 2.0,
+            "medium_heat_capacity": 4.0, "exchange": 10.0, "temperature_difference": -60.0,
+            "opening": 0.5, "pressure_drop": 2.0, "supply_resistance": 0.5, "header_time": 1.0,
+            "valve_time": 1.0, "dead_time": 1.0,
+        },
+        "ParallelCompressors": {
+            "n": 4, "head_per_speed": 3.0, "head_per_flow": 2.0, "inertia": 1.0,
+            "consumer_resistance": 2.0, "header_time": 1.0, "drive_time": 1.0, "dead_time": 1.0,
+        },
+        "BurnerPasses": {
+            "n": 2, "holdup_heat": 800.0, "stream_heat": 20.0, "fuel_heat": 1000.0, "shared": 0.5,
+            "firebox_time": 1.0, "fuel_time": 1.0, "dead_time": 1.0,
+        },
+        "Allowed": {"order": 1, "integrating": True},
+        "ModeController": {"total": INTEGRAL, "difference": INTEGRAL},
         "Uncertainty": {"weight": LOAD, "structure": mutune.Structure.FULL},
         "Performance": {"max_peak": 2.0, "offset": 0.1, "tau_p": 5.0},
         "Controller": {
@@ -126,6 +146,22 @@ FUNCTIONS: dict[str, dict[str, Any]] = {
     "worst_actuators": {
         "plant": PLANT, "loops": [PI, PI], "uncertainty": WEIGHT, "performance": DEMAND,
     },
+    "analyse_centralised": {
+        "plant": PLANT, "uncertainty": WEIGHT, "performance": DEMAND, "controller": MODES,
+    },
+    "multivariable_limit": {"plant": PLANT, "uncertainty": WEIGHT, "performance": DEMAND},
+    "identify": {
+        "records": [RECORD], "structure": "matrix", "allowed": mutune.Allowed(), "validation": [],
+        "drift": False, "seed": 0,
+    },
+    "relay_record": {"experiment": None, "outcome": None},
+    "cover": {
+        "omega": [0.1, 1.0, 10.0], "error": [0.1, 0.5, 1.0], "order": 1, "tight_below": 2.0,
+        "hold_first": False,
+    },
+    "cover_by_error": {"omega": [0.1, 1.0, 10.0], "error": [0.1, 0.5, 1.0]},
+    "Record": {"time": TIMES, "inputs": {"u": TIMES % 7}, "outputs": {"y": np.sin(TIMES)}},
+    "StateSpace": {"A": [[0.0]], "B": [[1.0]], "C": [[0.1]], "D": [[0.5]]},
     "tune": {"plant": PLANT, "uncertainty": WEIGHT},
     "step_response": {"experiment": None},
     "relay_experiment": {"experiment": None},
@@ -190,9 +226,15 @@ def test_a_function_refuses_by_name_what_it_does_not_take(data, name, odd):
     fits = (odd is PLANT and changed == "plant") or (odd is WEIGHT and changed == "uncertainty")
     number = isinstance(odd, Fraction | float) and not isinstance(odd, bool) and changed == "omega"
     listed = isinstance(odd, list) and odd == [1] and changed == "omega"
-    flagged = isinstance(odd, bool | np.bool_) and changed == "certificate"
-    square = isinstance(odd, list) and odd == [[1.0]] and changed == "gain"
-    if fits or listed or flagged or square or (number and math.isfinite(odd) and odd > 0):
+    flags = {"certificate", "drift", "hold_first"}
+    flagged = isinstance(odd, bool | np.bool_) and changed in flags
+    square = isinstance(odd, list) and odd == [[1.0]] and changed in {"gain", "A", "B", "C", "D"}
+    zero = type(odd) is int and odd == 0 and changed in {"seed", "order"}
+    ratio = isinstance(odd, Fraction | float) and odd > 0 and changed == "tight_below"
+    none = isinstance(odd, tuple | list) and not odd and changed == "validation"
+    if fits or listed or flagged or square or zero or ratio or none:
+        return
+    if number and math.isfinite(odd) and odd > 0:
         return
     with pytest.raises(InvalidInputError) as error:
         getattr(mutune, name)(**(arguments | {changed: odd}))

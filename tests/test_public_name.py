@@ -43,6 +43,26 @@ def test_the_version_needs_no_metadata() -> None:
     assert re.fullmatch(r"\d+\.\d+\.\d+", mutune.__version__)
 
 
+def test_the_service_needs_no_metadata_for_its_version() -> None:
+    """It starts from a checkout too, where only its dependencies are installed."""
+    code = """
+import importlib.metadata as metadata
+
+installed = metadata.version
+
+def version(name):
+    if name == "mutune":
+        raise metadata.PackageNotFoundError(name)
+    return installed(name)
+
+metadata.version = version
+import service.jobs.engine, service.report.document
+from service.http.app import create_app
+print(create_app().version)
+"""
+    assert run(code) == mutune.__version__
+
+
 def test_the_version_heads_the_changelog() -> None:
     """Every release has its date."""
     text = (ROOT / "CHANGELOG.md").read_text()

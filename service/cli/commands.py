@@ -47,9 +47,9 @@ app = typer.Typer(
 
 def _version(wanted: bool) -> None:  # noqa: FBT001 - typer's form of a callback
     if wanted:
-        from importlib.metadata import version  # noqa: PLC0415 - only here
+        from solver import __version__  # noqa: PLC0415 - only here
 
-        typer.echo(f"mutune {version('mutune')}")
+        typer.echo(f"mutune {__version__}")
         raise typer.Exit
 
 

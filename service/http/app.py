@@ -6,7 +6,6 @@ import asyncio
 import contextlib
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, asynccontextmanager
-from importlib.metadata import version
 from typing import Any
 
 from fastapi import Depends, FastAPI
@@ -40,6 +39,7 @@ from service.jobs.store import Store
 from service.jobs.transactions import Transactions
 from service.jobs.watch import Watcher
 from service.keys import KeyFile
+from solver import __version__
 
 __all__ = ["create_app"]
 
@@ -78,7 +78,7 @@ def create_app(configuration: Configuration | None = None) -> FastAPI:
     """
     app = FastAPI(
         title="mutune",
-        version=version("mutune"),
+        version=__version__,
         summary="Robust tuning of decentralised PI and PID loops",
         description=_DESCRIPTION,
         license_info={"name": "MIT", "identifier": "MIT"},

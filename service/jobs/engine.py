@@ -16,7 +16,6 @@ import uuid
 from collections.abc import Callable
 from concurrent.futures import CancelledError as FutureCancelledError
 from dataclasses import dataclass, field
-from importlib.metadata import version
 from typing import Any
 
 from distributed import Actor, Client, Future, KilledWorker, LocalCluster, Nanny, Security
@@ -26,10 +25,11 @@ from service.jobs import encryption, processes
 from service.jobs.records import JobStatus, Outcome
 from service.jobs.work import TOPIC, TuningActor
 from service.problems import TimeLimitError, describe
+from solver import __version__
 
 __all__ = ["Engine", "EngineLostError", "WorkerLostError"]
 
-VERSION = version("mutune")
+VERSION = __version__
 _NICE = 10  # priority of workers: below that of whoever waits for an answer
 _POLL = 0.5  # seconds between looks at the cluster: how soon a new worker gets work
 _GRACE = 2.0  # seconds that a stopped task gets to answer; its callback runs every 0.2 s
@@ -339,7 +339,7 @@ def _report_version() -> str:
     # A terminal sends it to all processes; the parent stops its workers in good order.
     with contextlib.suppress(ValueError):  # a worker outside its process's main thread
         signal.signal(signal.SIGINT, signal.SIG_IGN)
-    return version("mutune")
+    return __version__
 
 
 async def _restart(dask_worker: Nanny) -> None:

@@ -11,7 +11,6 @@ import hashlib
 import json
 from datetime import datetime
 from functools import cache
-from importlib.metadata import version
 from importlib.resources import files
 from typing import Any
 
@@ -25,6 +24,7 @@ from service.report.rendering import render, source
 from service.schemas import canonical
 from service.tuned import Tuned
 from service.wording import OBJECTIVES, forms, headline, number, optimality_text, peak_rows
+from solver import __version__
 from solver.model.plants import MatrixPlant
 from solver.robustness.margins import Margins, loop_margins
 
@@ -60,7 +60,7 @@ def report_html(tuned: Tuned, made_at: datetime, job: str | None = None) -> str:
         tuned=tuned,
         made_at=made_at,
         job=job,
-        version=version("mutune"),
+        version=__version__,
         warnings=result.warnings,
         forms=forms([setting.controller for setting in tuned.settings]) if tuned.settings else (),
         elements=_elements(tuned),

@@ -19,6 +19,7 @@ from scipy.optimize import linprog
 
 from solver.model.errors import InvalidInputError
 from solver.model.transfer_function import TransferFunction
+from solver.model.validation import flag, frequencies, integer, real, real_array
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -27,6 +28,7 @@ __all__ = ["cover", "cover_by_error", "covers"]
 
 # Errors below this part of the largest one are raised to it: a weight need not follow them down.
 FLOOR = 1e-2
+MAX_ORDER = 2
 ROUNDS = 40
 TIGHT = 1e-3  # of t: a thousandth of the weight is no difference to any design
 # Corners of the weight ring no more than the grid can see: a damping ratio of 0.1.
@@ -64,12 +66,18 @@ def cover(
     Raises
     ------
     InvalidInputError
-        No error at all, or one that is not finite.
+        No error at all, one that is negative or not finite, frequencies that do not increase.
 
     """
-    if not (np.all(np.isfinite(error)) and np.any(error > 0)):
-        message = "the errors must be finite and not all zero"
-        raise InvalidInputError(message, "/error")
+    omega, error = _curve(omega, error)
+    order = integer(order, "/order")
+    if not 0 <= order <= MAX_ORDER:
+        message = f"must lie in 0..{MAX_ORDER}"
+        raise InvalidInputError(message, "/order")
+    tight_below, hold_first = real(tight_below, "/tight_below"), flag(hold_first, "/hold_first")
+    if not tight_below > 0:
+        message = "must be positive"
+        raise InvalidInputError(message, "/tight_below")
     raised = np.maximum(error, FLOOR * min(float(np.max(error)), tight_below))
     if order == 0:
         return TransferFunction((float(np.max(raised)) * (1 + ABOVE),), (1.0,))
@@ -107,7 +115,19 @@ def cover_by_error(
 
     w = (theta s + epsilon)/(theta/2 s + 1) ends at 2, so larger errors have no such cover. Among
     the pairs that cover, the one with the least mean of log |w| over the grid.
+
+    Parameters
+    ----------
+    omega, error : (k,) ndarray
+        As for `cover`.
+
+    Raises
+    ------
+    InvalidInputError
+        As for `cover`.
+
     """
+    omega, error = _curve(omega, error)
     largest = float(np.max(error))
     if not 0 < largest < 2:
         return None
@@ -122,6 +142,22 @@ def cover_by_error(
         if best is None or score < best[0]:
             best = (score, float(epsilon), theta)
     return None if best is None else (best[1], best[2])
+
+
+def _curve(
+    omega: NDArray[np.float64], error: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    omega, error = frequencies(omega), real_array(error, "/error", ndim=1)
+    if not omega.size or np.any(np.diff(omega) <= 0):
+        message = "frequencies must increase, and be one at least"
+        raise InvalidInputError(message, "/omega")
+    if error.size != omega.size:
+        message = f"{error.size} errors at {omega.size} frequencies"
+        raise InvalidInputError(message, "/error")
+    if not (np.all(np.isfinite(error) & (error >= 0)) and np.any(error > 0)):
+        message = "the errors must be finite, not negative and not all zero"
+        raise InvalidInputError(message, "/error")
+    return omega, error
 
 
 def covers(

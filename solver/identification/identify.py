@@ -3,35 +3,35 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from solver.identification.equality import Equality, test_equality
 from solver.identification.findings import FittedElement, fitted_elements
 from solver.identification.problem import (
+    PlantStructure,
     Start,
-    Structure,
     check_excitation,
     limits,
     matrix_rows,
     parallel_row,
     starts,
 )
-from solver.identification.record import same_signals
+from solver.identification.record import Record, same_signals
 from solver.identification.row import Nuisance
 from solver.identification.row_fit import RowFit, fit_row, refit_row
 from solver.identification.selection import Allowed
 from solver.identification.uncertainty import Cover, Family, cover_family, row_responses
 from solver.model.errors import InvalidInputError, UnsupportedPlantError
 from solver.model.plants import MAX_MATRIX_SIZE, MatrixPlant, ParallelPlant
+from solver.model.validation import choice, flag, instance, instances, integer
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from solver.identification.record import Record
     from solver.identification.row import Row
     from solver.model.plants import Plant
 
@@ -80,7 +80,7 @@ class Identification:
     ----------
     plant : Plant
         The nominal plant.
-    structure : Structure
+    structure : PlantStructure
         Which elements are shared.
     inputs, outputs : tuple of str
         Names in the order of columns and rows.
@@ -104,7 +104,7 @@ class Identification:
     """
 
     plant: Plant
-    structure: Structure
+    structure: PlantStructure
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     elements: tuple[FittedElement, ...]
@@ -133,7 +133,7 @@ class Identification:
         """
         n = len(self.inputs)
         parts = row_responses(self.fits, [f.draws(count, generator) for f in self.fits], omega)
-        if self.structure is Structure.MATRIX:
+        if self.structure is PlantStructure.MATRIX:
             return np.moveaxis(parts, -1, 1)
         g, i = parts[:, 0, 0], parts[:, 0, -1]
         return np.where(np.eye(n, dtype=bool), g[..., None, None], i[..., None, None])
@@ -142,7 +142,7 @@ class Identification:
 def identify(
     records: Sequence[Record],
     *,
-    structure: Structure = Structure.MATRIX,
+    structure: PlantStructure | Literal["parallel", "matrix"] = PlantStructure.MATRIX,
     allowed: Allowed = Allowed(),  # noqa: B008 - frozen
     validation: Sequence[Record] = (),
     drift: bool = False,
@@ -154,7 +154,7 @@ def identify(
     ----------
     records : sequence of Record
         With as many inputs as outputs; all the same signals.
-    structure : Structure
+    structure : PlantStructure or str
         PARALLEL: g and i shared by all units. MATRIX: every element of its own.
     allowed : Allowed
         Forms of the elements.
@@ -173,11 +173,19 @@ def identify(
         Outputs that run away.
 
     """
+    records = instances(records, Record, "/records")
+    validation = instances(validation, Record, "/validation")
+    structure = choice(PlantStructure, structure, "/structure")
+    instance(allowed, Allowed, "/allowed")
+    drift, seed = flag(drift, "/drift"), integer(seed, "/seed")
+    if seed < 0:
+        message = "must not be negative"
+        raise InvalidInputError(message, "/seed")
     inputs, outputs = same_signals([*records, *validation])
     if len(inputs) != len(outputs):
         message = f"{len(inputs)} inputs and {len(outputs)} outputs: the plant must be square"
         raise InvalidInputError(message, "/records/0/outputs")
-    if structure is Structure.MATRIX and len(inputs) > MAX_MATRIX_SIZE:
+    if structure is PlantStructure.MATRIX and len(inputs) > MAX_MATRIX_SIZE:
         message = (
             f"a matrix plant has at most {MAX_MATRIX_SIZE} inputs; identical units go as parallel"
         )
@@ -186,12 +194,12 @@ def identify(
     begins = starts(records)
     box = limits(records)
     job = _Job(tuple(records), tuple(begins), drift)
-    if structure is Structure.PARALLEL:
+    if structure is PlantStructure.PARALLEL:
         fits = [fit_row(job.parallel(), allowed, box)]
     else:
         fits = [fit_row(row, allowed, box) for row in job.matrix()]
     _refuse_runaway(fits, records)
-    if structure is Structure.PARALLEL:
+    if structure is PlantStructure.PARALLEL:
         return _parallel(job, fits[0], inputs, outputs, validation=validation, seed=seed)
     return _matrix(job, fits, inputs, outputs, validation=validation, seed=seed)
 
@@ -252,7 +260,7 @@ def _parallel(
     predictions += _validated(job, [fit], validation, outputs)
     advice = _advice(elements, predictions, cover, equality)
     return Identification(
-        plant, Structure.PARALLEL, inputs, outputs, elements, tuple(predictions), equality,
+        plant, PlantStructure.PARALLEL, inputs, outputs, elements, tuple(predictions), equality,
         unit_plant, cover, job.begins, advice, (fit,),
     )  # fmt: skip
 
@@ -277,7 +285,7 @@ def _matrix(
     predictions += _validated(job, fits, validation, outputs)
     advice = _advice(elements, predictions, cover, None)
     return Identification(
-        plant, Structure.MATRIX, inputs, outputs, elements, tuple(predictions), None,
+        plant, PlantStructure.MATRIX, inputs, outputs, elements, tuple(predictions), None,
         None, cover, job.begins, advice, tuple(fits),
     )  # fmt: skip
 

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from solver.identification.record import Record
 
 __all__ = [
+    "PlantStructure",
     "Start",
-    "Structure",
     "check_excitation",
     "limits",
     "matrix_rows",
@@ -34,8 +34,8 @@ __all__ = [
 TOGETHER = 1e-6
 
 
-class Structure(StrEnum):
-    """Which elements are the same."""
+class PlantStructure(StrEnum):
+    """Which elements are the same: PARALLEL shares g and i, in a MATRIX each is its own."""
 
     PARALLEL = "parallel"
     MATRIX = "matrix"

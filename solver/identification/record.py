@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -9,9 +10,10 @@ import numpy as np
 
 from solver.model.errors import InvalidInputError
 from solver.model.transfer_function import LARGEST
+from solver.model.validation import instance, real_array
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import ArrayLike, NDArray
 
@@ -37,6 +39,11 @@ class Record:
         Signals by name, in the order of the plant's columns and rows.
     name : str
         What messages call the record.
+
+    Attributes
+    ----------
+    observed : (outputs, k) ndarray of bool
+        Where each output was read; everywhere but in a record `with_gaps`.
 
     Raises
     ------
@@ -104,7 +111,11 @@ class Record:
         gaps: bool,
     ) -> None:
         times = _time(time)
+        instance(name, str, "/name")
         for kind, signals in (("inputs", inputs), ("outputs", outputs)):
+            instance(signals, Mapping, f"/{kind}")
+            for key in signals:
+                instance(key, str, f"/{kind}")
             if not 1 <= len(signals) <= MAX_SIGNALS:
                 message = f"a record has 1..{MAX_SIGNALS} {kind}"
                 raise InvalidInputError(message, f"/{kind}")
@@ -166,7 +177,7 @@ def same_signals(records: Sequence[Record]) -> tuple[tuple[str, ...], tuple[str,
 
 def _time(time: ArrayLike) -> NDArray[np.float64]:
     times = _numbers(time, "/time")
-    if times.ndim != 1 or not LEAST_SAMPLES <= times.size <= MAX_SAMPLES:
+    if not LEAST_SAMPLES <= times.size <= MAX_SAMPLES:
         message = f"a record has {LEAST_SAMPLES}..{MAX_SAMPLES} samples"
         raise InvalidInputError(message, "/time")
     _refuse_bad(~(np.abs(times) <= LARGEST), "/time")
@@ -187,11 +198,7 @@ def _time(time: ArrayLike) -> NDArray[np.float64]:
 
 
 def _numbers(values: ArrayLike, field: str) -> NDArray[np.float64]:
-    try:
-        return np.array(values, dtype=float)
-    except (TypeError, ValueError) as error:
-        message = "must be a list of numbers"
-        raise InvalidInputError(message, field) from error
+    return real_array(values, field, ndim=1)
 
 
 def _column(values: ArrayLike, size: int, kind: str, key: str) -> NDArray[np.float64]:

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from solver.identification.record import Record
 from solver.model.errors import InvalidInputError
-
-if TYPE_CHECKING:
-    from solver.relay.analysis import RelayOutcome
-    from solver.relay.experiment import RelayExperiment
+from solver.model.validation import instance
+from solver.relay.analysis import RelayOutcome
+from solver.relay.experiment import RelayExperiment
 
 __all__ = ["relay_record"]
 
@@ -37,6 +34,8 @@ def relay_record(experiment: RelayExperiment, outcome: RelayOutcome, name: str =
         Another loop is closed, or a disturbance entered.
 
     """
+    instance(experiment, RelayExperiment, "/experiment")
+    instance(outcome, RelayOutcome, "/outcome")
     if experiment.loops or experiment.steps:
         message = "a relay experiment becomes a record where no other loop is closed nor disturbed"
         raise InvalidInputError(message, "/loops" if experiment.loops else "/steps")

@@ -19,6 +19,8 @@ from solver.identification.fitting import fit
 from solver.identification.noise import covariance
 from solver.identification.row import Row
 from solver.identification.start import scan
+from solver.model.errors import InvalidInputError
+from solver.model.validation import flag, integer, settle
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -60,6 +62,15 @@ class Allowed:
 
     order: int | None = None
     integrating: bool | None = None
+
+    def __post_init__(self) -> None:
+        if self.order is not None:
+            settle(self, order=integer(self.order, "/order"))
+            if self.order not in {1, 2}:
+                message = "must be 1, 2 or None"
+                raise InvalidInputError(message, "/order")
+        if self.integrating is not None:
+            settle(self, integrating=flag(self.integrating, "/integrating"))
 
     def simplest(self) -> ElementKind:
         """Return the form that all elements begin with."""

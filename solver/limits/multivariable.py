@@ -14,7 +14,8 @@ from solver.limits.search import LimitSearch, least_tau_p
 from solver.model.errors import InvalidInputError
 from solver.model.given import require_fit
 from solver.model.open_loop import require_supported
-from solver.model.plants import ParallelPlant
+from solver.model.plants import ParallelPlant, Plant
+from solver.model.validation import instance
 from solver.robustness.centralised import (
     CentralisedAnalysis,
     ModeController,
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
 
     from solver.limits.realisation import Reducible
     from solver.limits.search import Found
-    from solver.model.plants import Plant
     from solver.model.state_space import StateSpace
     from solver.model.weights import Performance, Uncertainty
 
@@ -66,11 +66,12 @@ def multivariable_limit(
         An unstable plant, or integrators that do not belong to inputs.
 
     """
+    instance(plant, Plant, "/plant")
+    require_fit(plant, uncertainty, performance)
     require_supported(plant)
     if not isinstance(plant, ParallelPlant) and plant.n > MAX_LIMIT_SIZE:
         message = f"the limit is found for matrix plants up to {MAX_LIMIT_SIZE} units"
         raise InvalidInputError(message, "/plant")
-    require_fit(plant, uncertainty, performance)
     if performance.unlike_outputs:
         message = "the limit is found for outputs of one scale: divide the plant's rows by theirs"
         raise InvalidInputError(message, "/performance/output_scale")

@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from solver.model.errors import InvalidInputError
-from solver.model.physical_models import StreamSplit
+from solver.model.physical_models import StreamSplit, settle_physical, settled_units
 from solver.model.plants import ParallelPlant
 from solver.model.transfer_function import TransferFunction
+from solver.model.validation import settle, settle_reals
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -86,9 +87,23 @@ class ParallelExchangers:
     dead_time: float = 0.0
 
     def __post_init__(self) -> None:
-        _positive(self, "n", "holdup_heat", "stream_heat", "medium_flow", "medium_heat_capacity",
-                  "exchange", "opening", "pressure_drop")  # fmt: skip
-        _not_negative(self, "supply_resistance", "header_time", "valve_time", "dead_time")
+        settle(self, n=settled_units(self.n))
+        settle_physical(
+            self,
+            positive=(
+                "holdup_heat",
+                "stream_heat",
+                "medium_flow",
+                "medium_heat_capacity",
+                "exchange",
+                "opening",
+                "pressure_drop",
+            ),
+        )
+        settle_physical(
+            self, not_negative=("supply_resistance", "header_time", "valve_time", "dead_time")
+        )
+        settle_reals(self, "temperature_difference")
         if not 0 < abs(self.temperature_difference) <= LARGEST:
             message = "must not be zero, and at most 1e12 in magnitude"
             raise InvalidInputError(message, "/temperature_difference")
@@ -178,9 +193,17 @@ class ParallelCompressors:
     dead_time: float = 0.0
 
     def __post_init__(self) -> None:
-        _positive(self, "n", "head_per_speed", "head_per_flow")
-        _not_negative(
-            self, "inertia", "consumer_resistance", "header_time", "drive_time", "dead_time"
+        settle(self, n=settled_units(self.n))
+        settle_physical(self, positive=("head_per_speed", "head_per_flow"))
+        settle_physical(
+            self,
+            not_negative=(
+                "inertia",
+                "consumer_resistance",
+                "header_time",
+                "drive_time",
+                "dead_time",
+            ),
         )
 
     @property
@@ -257,8 +280,9 @@ class BurnerPasses:
     dead_time: float = 0.0
 
     def __post_init__(self) -> None:
-        _positive(self, "n", "holdup_heat", "stream_heat", "fuel_heat")
-        _not_negative(self, "shared", "firebox_time", "fuel_time", "dead_time")
+        settle(self, n=settled_units(self.n))
+        settle_physical(self, positive=("holdup_heat", "stream_heat", "fuel_heat"))
+        settle_physical(self, not_negative=("shared", "firebox_time", "fuel_time", "dead_time"))
         if not self.shared < 1:
             message = "passes that share all heat cannot be controlled one by one: below 1"
             raise InvalidInputError(message, "/shared")
@@ -312,17 +336,3 @@ def _function(
 
 def _trimmed(polynomial: list[float]) -> list[float]:
     return polynomial if polynomial[0] else polynomial[1:]
-
-
-def _positive(model: object, *names: str) -> None:
-    for name in names:
-        if not 0 < getattr(model, name) <= LARGEST:
-            message = "must be positive and at most 1e12"
-            raise InvalidInputError(message, f"/{name}")
-
-
-def _not_negative(model: object, *names: str) -> None:
-    for name in names:
-        if not 0 <= getattr(model, name) <= LARGEST:
-            message = "must be zero or positive and at most 1e12"
-            raise InvalidInputError(message, f"/{name}")

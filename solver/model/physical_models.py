@@ -14,7 +14,7 @@ from solver.model.plants import MAX_UNITS, MatrixPlant, ParallelPlant, first_ord
 from solver.model.transfer_function import TransferFunction
 from solver.model.validation import integer, real, settle
 
-__all__ = ["Blender", "CooledReactors", "StreamSplit"]
+__all__ = ["Blender", "CooledReactors", "StreamSplit", "settle_physical", "settled_units"]
 
 
 @dataclass(frozen=True)
@@ -64,9 +64,11 @@ class StreamSplit:
     dead_time: float = 0.0
 
     def __post_init__(self) -> None:
-        settle(self, n=_units(self.n))
-        _check(self, positive=("flow", "opening", "pressure_drop"))
-        _check(self, not_negative=("supply_resistance", "header_time", "valve_time", "dead_time"))
+        settle(self, n=settled_units(self.n))
+        settle_physical(self, positive=("flow", "opening", "pressure_drop"))
+        settle_physical(
+            self, not_negative=("supply_resistance", "header_time", "valve_time", "dead_time")
+        )
 
     @property
     def valve_gain(self) -> float:
@@ -163,8 +165,8 @@ class CooledReactors:
     coupling: float = 0.0
 
     def __post_init__(self) -> None:
-        settle(self, n=_units(self.n))
-        _check(
+        settle(self, n=settled_units(self.n))
+        settle_physical(
             self,
             positive=(
                 "holdup",
@@ -175,7 +177,7 @@ class CooledReactors:
                 "vapour_heat_capacity",
             ),
         )
-        _check(
+        settle_physical(
             self,
             not_negative=("evaporation_heat", "exchanger", "feed_superheat", "coupling"),
         )
@@ -238,8 +240,8 @@ class Blender:
     analyser_dead_time: float = 0.0
 
     def __post_init__(self) -> None:
-        _check(self, positive=("first_flow", "second_flow"))
-        _check(self, not_negative=("flow_time", "analyser_time", "analyser_dead_time"))
+        settle_physical(self, positive=("first_flow", "second_flow"))
+        settle_physical(self, not_negative=("flow_time", "analyser_time", "analyser_dead_time"))
         for name in ("first_fraction", "second_fraction"):
             settle(self, **{name: real(getattr(self, name), f"/{name}")})
             if not 0 <= getattr(self, name) <= 1:
@@ -286,7 +288,8 @@ def _product(first: list[float], second: list[float]) -> list[float]:
     return result
 
 
-def _units(n: int) -> int:
+def settled_units(n: int) -> int:
+    """Return a number of units that a plant may have."""
     count = integer(n, "/n")
     if not 1 <= count <= MAX_UNITS:
         message = f"the number of units must lie in 1..{MAX_UNITS}"
@@ -294,11 +297,12 @@ def _units(n: int) -> int:
     return count
 
 
-def _check(
-    model: StreamSplit | CooledReactors | Blender,
+def settle_physical(
+    model: object,
     positive: tuple[str, ...] = (),
     not_negative: tuple[str, ...] = (),
 ) -> None:
+    """Take the fields of a model of equipment: real, in range."""
     for name in (*positive, *not_negative):
         value = real(getattr(model, name), f"/{name}")
         settle(model, **{name: value})

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.model.errors import InvalidInputError
+from solver.model.validation import read_only, real_array
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -47,15 +48,16 @@ class StateSpace:
     def __init__(self, A: ArrayLike, B: ArrayLike, C: ArrayLike, D: ArrayLike) -> None:
         through = _matrix(D, "/D")
         outputs, inputs = through.shape
-        states = len(np.atleast_1d(np.asarray(A, dtype=float)))
-        if np.size(A) == 0:
-            states = 0
+        dynamics = _matrix(A, "/A", empty=True)
+        states = len(dynamics) if dynamics.size else 0
         if states > MAX_STATES:
             message = f"at most {MAX_STATES} states"
             raise InvalidInputError(message, "/A")
         shapes = {"A": (states, states), "B": (states, inputs), "C": (outputs, states)}
         for (name, shape), value in zip(shapes.items(), (A, B, C), strict=True):
-            given = np.zeros(shape) if np.size(value) == 0 else _matrix(value, f"/{name}")
+            given = _matrix(value, f"/{name}", empty=True)
+            if not given.size and 0 in shape:
+                given = read_only(np.zeros(shape))
             if given.shape != shape:
                 message = f"{name} must be {shape[0]} x {shape[1]}, not {_size(given)}"
                 raise InvalidInputError(message, f"/{name}")
@@ -107,9 +109,11 @@ class StateSpace:
         )
 
 
-def _matrix(value: ArrayLike, field: str) -> NDArray[np.float64]:
-    matrix = np.atleast_2d(np.asarray(value, dtype=float))
-    if matrix.ndim != 2 or not matrix.size:
+def _matrix(value: ArrayLike, field: str, *, empty: bool = False) -> NDArray[np.float64]:
+    if empty and not np.size(value):
+        return np.zeros((0, 0))
+    matrix = real_array(value, field, ndim=2)
+    if not matrix.size:
         message = "a matrix is a list of rows of equal length"
         raise InvalidInputError(message, field)
     if not np.isfinite(matrix).all():

@@ -20,10 +20,12 @@ import numpy as np
 from solver.model.blocks import reduce
 from solver.model.errors import InvalidInputError
 from solver.model.frequencies import corners, grid, low_end, resonances
+from solver.model.given import require_weights
 from solver.model.open_loop import require_supported
 from solver.model.peaks import highest, slices
-from solver.model.plants import MatrixPlant, ParallelPlant
+from solver.model.plants import MatrixPlant, ParallelPlant, Plant
 from solver.model.state_space import StateSpace
+from solver.model.validation import instance
 from solver.mu.scaling import upper_bound
 from solver.mu.structure import BlockStructure, sigma_max
 from solver.robustness.record import Curves, Guarantee, GuaranteeStatus, Peaks
@@ -34,7 +36,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from solver.model.blocks import LoopBlocks
-    from solver.model.plants import Plant
     from solver.model.transfer_function import TransferFunction
     from solver.model.weights import Performance, Structure, Uncertainty
 
@@ -71,6 +72,7 @@ class ModeController:
 
     def __post_init__(self) -> None:
         for name in ("total", "difference"):
+            instance(getattr(self, name), StateSpace, f"/{name}")
             if getattr(self, name).D.shape != (1, 1):
                 message = "a mode controller has one input and one output"
                 raise InvalidInputError(message, f"/{name}")
@@ -262,7 +264,8 @@ class CentralisedAnalysis:
 class Centralised:
     """Robustness of a full controller.
 
-    `unstable_poles` counts those of the closed loop with a real part >= 0; with any, `peaks`,
+    `unstable_poles` counts those of the closed loop with a real part >= 0, `nominally_stable`
+    says that there are none, and `warnings` what to look at twice. With any, `peaks`,
     `curves` and `guarantee` are None: mu has no meaning then. The guarantee is open: the peak is
     the highest value met on a dense grid of the whole axis, refined, and no proof is attempted.
     """
@@ -292,14 +295,17 @@ def analyse_centralised(
     Raises
     ------
     InvalidInputError
-        No `tau_p`, or a controller of another size than the plant.
+        No `tau_p`, unlike `output_scale`, or a controller of another size than the plant.
     UnsupportedPlantError
         The plant is open-loop unstable.
 
     """
-    if performance.tau_p is None:
-        message = "an analysis needs a time constant"
-        raise InvalidInputError(message, "/performance/tau_p")
+    instance(plant, Plant, "/plant")
+    require_weights(plant, uncertainty, performance)
+    if performance.unlike_outputs:
+        message = "full controllers need outputs of one scale: divide the plant's rows by theirs"
+        raise InvalidInputError(message, "/performance/output_scale")
+    instance(controller, FullController, "/controller")
     require_supported(plant)
     blocks, controllers = _paired(plant, uncertainty, controller)
     unstable = closed_loop_poles(blocks, controllers)

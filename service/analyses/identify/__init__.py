@@ -49,12 +49,12 @@ def compute(request: IdentificationRequest) -> dict[str, Any]:
 def identified(task: IdentificationTask) -> dict[str, Any]:
     """Return the plant that records tell, as JSON."""
     from solver.identification.identify import identify
-    from solver.identification.problem import Structure
+    from solver.identification.problem import PlantStructure
     from solver.identification.selection import Allowed
 
     found = identify(
         task.used,
-        structure=Structure(task.structure),
+        structure=PlantStructure(task.structure),
         allowed=Allowed(task.order, task.integrating),
         validation=task.kept_back,
         drift=task.drift,

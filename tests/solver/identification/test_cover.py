@@ -7,7 +7,7 @@ from drawn import Lag, record
 from solver.identification.cover import cover, cover_by_error
 from solver.identification.errors import matrix_errors, parallel_errors
 from solver.identification.identify import identify
-from solver.identification.problem import Structure
+from solver.identification.problem import PlantStructure
 from solver.model.errors import InvalidInputError
 from solver.model.weights import Uncertainty
 
@@ -94,7 +94,7 @@ def test_parallel_errors_are_those_of_the_whole_matrix():
             assert diagonal == pytest.approx(part)
 
 
-@pytest.mark.parametrize("structure", [Structure.MATRIX, Structure.PARALLEL])
+@pytest.mark.parametrize("structure", [PlantStructure.MATRIX, PlantStructure.PARALLEL])
 def test_cover_holds_for_plants_of_the_fitted_distribution(structure):
     """For 99 of 100 that were not used to find it, at frequencies that were not either."""
     own, other = Lag(2, 20, 0, 3), Lag(0.9, 25, 0, 4)

@@ -8,7 +8,7 @@ from drawn import Lag, lag, moves, record, respond
 
 from solver.identification.elements import ElementKind
 from solver.identification.identify import identify
-from solver.identification.problem import Start, Structure, limits, matrix_rows, starts
+from solver.identification.problem import PlantStructure, Start, limits, matrix_rows, starts
 from solver.identification.record import Record
 from solver.identification.row_fit import fit_row
 from solver.identification.selection import Allowed
@@ -103,7 +103,7 @@ def test_each_record_of_the_two_heaters_predicts_the_other(used, other):
 
 def test_two_heaters_are_not_identical_units():
     """One heater is stronger than the other, and the record shows it."""
-    found = identify([heaters("steps")], structure=Structure.PARALLEL)
+    found = identify([heaters("steps")], structure=PlantStructure.PARALLEL)
     assert isinstance(found.plant, ParallelPlant)
     assert not found.equality.plausible
     assert any("differ by more than noise" in words for words in found.advice)
@@ -121,12 +121,12 @@ def test_identical_units_are_held_for_identical():
     """At 5 per cent a few of 40 records of equal units are held for unequal, and all of unequal."""
     wrong = sum(
         not identify(
-            [parallel_record(s)], structure=Structure.PARALLEL, allowed=Allowed(1)
+            [parallel_record(s)], structure=PlantStructure.PARALLEL, allowed=Allowed(1)
         ).equality.plausible
         for s in range(20)
     )
     assert wrong <= 4
-    unequal = identify([parallel_record(1, (2.0, 2.2))], structure=Structure.PARALLEL)
+    unequal = identify([parallel_record(1, (2.0, 2.2))], structure=PlantStructure.PARALLEL)
     assert unequal.equality.probability < 1e-3
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from solver.identification.identify import identify
-from solver.identification.problem import Structure
+from solver.identification.problem import PlantStructure
 from solver.identification.record import Record
 from solver.model.errors import InvalidInputError
 
@@ -65,7 +65,7 @@ def test_records_must_have_the_same_signals():
     one = Record(TIME, {"a": STEP}, {"c": WAVE}, "first")
     other = Record(TIME, {"x": STEP}, {"c": WAVE}, "second")
     with pytest.raises(InvalidInputError, match="second has the inputs x") as caught:
-        identify([one, other], structure=Structure.PARALLEL)
+        identify([one, other], structure=PlantStructure.PARALLEL)
     assert caught.value.field == "/records/1/inputs"
 
 
