@@ -18,9 +18,9 @@ from solver.model.frequencies import corners, grid, low_end, reach, resonances
 from solver.model.peaks import highest, slices
 from solver.mu.kernel import FINE
 from solver.mu.scaling import sweep
-from solver.mu.structure import BlockStructure, bound_of_scales, sigma_max
+from solver.mu.structure import sigma_max
+from solver.robustness.block_bounds import greatest_bound, interconnections
 from solver.robustness.record import Curves, Peaks
-from solver.robustness.worst_case import interconnection
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -132,10 +132,7 @@ class LoopAnalysis:
         c = np.stack([controller.response(omega) for controller in self.controllers], axis=-1)
         G = self.blocks.packed(omega)
         w_I, w_P = (each.weight.response(omega) for each in (self.uncertainty, self.performance))
-        matrices = []
-        for block, first in zip(self.blocks.blocks, self.blocks.layout[2], strict=False):
-            plant = G[:, first : first + block.size, : block.size]
-            matrices.append(interconnection(plant, c[:, list(block.channels)], w_I, w_P))
+        matrices = interconnections(self.blocks, G, c, w_I, w_P)
         return _Loop(G, c, np.abs(w_I) ** 2, np.abs(w_P) ** 2, matrices)
 
     def _robust_performance(
@@ -143,22 +140,14 @@ class LoopAnalysis:
     ) -> NDArray[np.float64]:
         """Upper bound of mu(N_RP), (k,), from its best scales unless `d` are given."""
         d = self._scales(loop, 1.0) if d is None else d
-        bounds = [
-            bound_of_scales(N, *_own(d, block.scales, block.size)).mu
-            for block, N in zip(self.blocks.blocks, loop.matrices, strict=True)
-        ]
-        return np.asarray(np.max(bounds, axis=0))
+        return greatest_bound(self.blocks, loop.matrices, d, performance=True)
 
     def _robust_stability(
         self, loop: _Loop, d: NDArray[np.float64] | None = None
     ) -> NDArray[np.float64]:
         """Upper bound of mu(w_I C S G), (k,), from its best scales unless `d` are given."""
         d = self._scales(loop, 0.0) if d is None else d
-        bounds = [
-            bound_of_scales(N[:, : block.size, : block.size], *_own(d, block.scales, 0)).mu
-            for block, N in zip(self.blocks.blocks, loop.matrices, strict=True)
-        ]
-        return np.asarray(np.max(bounds, axis=0))
+        return greatest_bound(self.blocks, loop.matrices, d, performance=False)
 
     def _nominal_performance(self, loop: _Loop) -> NDArray[np.float64]:
         """sigma_max(w_P S), (k,)."""
@@ -196,12 +185,3 @@ class _Loop:
         return _Loop(
             self.G[part], self.c[part], self.u[part], self.b[part], [N[part] for N in self.matrices]
         )
-
-
-def _own(
-    d: NDArray[np.float64], scales: tuple[int, ...], performance: int
-) -> tuple[NDArray[np.float64], BlockStructure]:
-    """Scales and structure of one block, its scales numbered from 0."""
-    used = sorted(set(scales))
-    structure = BlockStructure(tuple(used.index(scale) for scale in scales), performance)
-    return d[:, used], structure

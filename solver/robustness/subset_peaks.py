@@ -13,8 +13,7 @@ from solver.model.peaks import Peak, zoom
 from solver.model.plants import MatrixPlant, ParallelPlant
 from solver.mu.kernel import FINE
 from solver.mu.scaling import sweep
-from solver.mu.structure import BlockStructure, bound_of_scales
-from solver.robustness.worst_case import interconnection
+from solver.robustness.block_bounds import greatest_bound, interconnections
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -163,22 +162,14 @@ class _Family:
         size = members.size
         loops = self._at(np.tile(members, 2), omega.ravel(), size)
         _, d = self._sweep(loops, FINE)
-        greatest = np.zeros((2, size))
-        for block, first in zip(self.blocks.blocks, self.blocks.layout[2], strict=False):
-            m = block.size
-            plant = loops.G[:, first : first + m, :m]
-            N = interconnection(
-                plant, loops.c[:, list(block.channels)], loops.uncertainty, loops.performance
-            )
-            used = sorted(set(block.scales))
-            scales = tuple(used.index(scale) for scale in block.scales)
-            own = d[:, used]
-            here = (
-                bound_of_scales(N[:size, :m, :m], own[:size], BlockStructure(scales, 0)).mu,
-                bound_of_scales(N[size:], own[size:], BlockStructure(scales, m)).mu,
-            )
-            greatest = np.maximum(greatest, here)
-        return greatest
+        N = interconnections(self.blocks, loops.G, loops.c, loops.uncertainty, loops.performance)
+        stability, performance = [each[:size] for each in N], [each[size:] for each in N]
+        return np.stack(
+            [
+                greatest_bound(self.blocks, stability, d[:size], performance=False),
+                greatest_bound(self.blocks, performance, d[size:], performance=True),
+            ]
+        )
 
     def _levels(
         self, members: NDArray[np.intp], tasks: NDArray[np.intp], omega: NDArray[np.float64]
