@@ -1,4 +1,7 @@
-"""Robust tuning of decentralised PI and PID controllers for identical parallel processes."""
+"""The numerical library: plants, mu, tuning, analyses, time responses, identification, limits.
+
+Its public name is `mutune`.
+"""
 
 __all__ = ["__version__"]
 

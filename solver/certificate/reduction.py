@@ -31,13 +31,13 @@ if TYPE_CHECKING:
     from solver.model.controllers import Controller
     from solver.model.plants import MatrixPlant, Plant
 
-__all__ = ["MAX_SETTINGS", "Block", "Settings", "blocks", "scale_count", "settings_of"]
+__all__ = ["MAX_SETTINGS", "Block", "GroupSettings", "blocks", "scale_count", "settings_of"]
 
 MAX_SETTINGS = 20  # the work grows with the cube: 10 take seconds, 20 half a minute
 
 
 @dataclass(frozen=True)
-class Settings:
+class GroupSettings:
     """Controller settings that have one D-scale, and how many loops have them.
 
     `error` is the permitted error of their outputs.
@@ -82,7 +82,7 @@ class Block:
 
 def settings_of(
     plant: Plant, loops: Sequence[Controller], output_scale: Sequence[float] | None
-) -> tuple[Settings, ...]:
+) -> tuple[GroupSettings, ...]:
     """Return the settings that have a D-scale of their own, in the order of the loops.
 
     Equal settings on a parallel plant share one where the permitted errors of their outputs are
@@ -90,8 +90,8 @@ def settings_of(
     """
     pairs = list(zip(loops, output_scale or (1.0,) * len(loops), strict=True))
     if isinstance(plant, ParallelPlant):
-        return tuple(Settings(loop, count, e) for (loop, e), count in Counter(pairs).items())
-    return tuple(Settings(loop, 1, e) for loop, e in pairs)
+        return tuple(GroupSettings(loop, count, e) for (loop, e), count in Counter(pairs).items())
+    return tuple(GroupSettings(loop, 1, e) for loop, e in pairs)
 
 
 def scale_count(
@@ -104,7 +104,7 @@ def scale_count(
     return 1 if structure is Structure.FULL else len(settings_of(plant, loops, output_scale))
 
 
-def blocks(plant: Plant, settings: Sequence[Settings]) -> tuple[Block, ...]:
+def blocks(plant: Plant, settings: Sequence[GroupSettings]) -> tuple[Block, ...]:
     """Return the independent blocks of the loop."""
     errors = [exact(group.error) for group in settings]
     if isinstance(plant, ParallelPlant):

@@ -1,1 +1,1 @@
-"""Interaction between loops: relative gains, pairing, zeros, decoupling, integrity."""
+"""Interaction between loops: relative gains, pairing, zeros, decoupling, drives on one load."""

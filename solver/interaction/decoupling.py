@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
     from solver.model.controllers import ParallelForm
 
-__all__ = ["ClosedLoop", "Decoupling", "DecouplingSpecification", "decouple"]
+__all__ = ["DecoupledClosedLoop", "Decoupling", "DecouplingSpecification", "decouple"]
 
 INPUT_ERROR = 0.2  # relative error of an input, that of the default uncertainty weight
 _UNLIKE = 2.0  # factor between index and peak from which the estimate misleads
@@ -143,7 +143,7 @@ class DecouplingSpecification(ByValue):
 
 
 @dataclass(frozen=True)
-class ClosedLoop:
+class DecoupledClosedLoop:
     """The loops together.
 
     Attributes
@@ -185,7 +185,7 @@ class Decoupling(ByValue):
         Settings, one a loop.
     set_point_weights : tuple of float
         b, one a loop.
-    closed_loop : ClosedLoop or None
+    closed_loop : DecoupledClosedLoop or None
         None where a design is unbounded.
     input_error_gain : float
         Greatest relative change of a loop's gain per relative error of the inputs, over the
@@ -201,7 +201,7 @@ class Decoupling(ByValue):
     kappa: NDArray[np.float64]
     loops: tuple[PIDesign, ...]
     set_point_weights: tuple[float, ...]
-    closed_loop: ClosedLoop | None
+    closed_loop: DecoupledClosedLoop | None
     input_error_gain: float
     warnings: tuple[str, ...] = field(default=())
 
@@ -322,7 +322,7 @@ def _closed_loop(
     D: NDArray[np.float64],
     kappa: NDArray[np.float64],
     loops: list[PIDesign],
-) -> ClosedLoop | None:
+) -> DecoupledClosedLoop | None:
     gains = tuple(loop.gains for loop in loops if loop.gains is not None)
     peaks = [math.inf if loop.sensitivity is None else loop.sensitivity.value for loop in loops]
     if len(gains) < len(loops):
@@ -337,7 +337,7 @@ def _closed_loop(
     coupling = np.abs(kappa * [g.integral_gain for g in gains])
     indices = np.where(coupling == 0, 0.0, coupling) * np.array(peaks)[:, None]
     np.fill_diagonal(indices, 0.0)
-    return ClosedLoop(
+    return DecoupledClosedLoop(
         stable=system.is_stable(dense),
         omega=omega,
         approximate=system.approximate(omega),
@@ -379,7 +379,7 @@ def _input_error_gain(plant: Plant, loops: list[PIDesign]) -> float:
 
 def _warnings(
     loops: list[PIDesign],
-    closed_loop: ClosedLoop | None,
+    closed_loop: DecoupledClosedLoop | None,
     error_gain: float,
     max_index: float | None,
 ) -> tuple[str, ...]:
@@ -410,7 +410,7 @@ def _warnings(
     return tuple(warnings)
 
 
-def _interaction_warnings(closed_loop: ClosedLoop, max_index: float | None) -> list[str]:
+def _interaction_warnings(closed_loop: DecoupledClosedLoop, max_index: float | None) -> list[str]:
     """Say where the peaks exceed the bound, and where the estimate of them fails."""
     warnings = []
     n = len(closed_loop.indices)

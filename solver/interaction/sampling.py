@@ -85,6 +85,9 @@ def refine_minima(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Refine minima between samples by parabolas in log omega; NaN counts as infinite.
 
+    For smooth functions, in three rounds; maxima of mu have corners: `solver.model.peaks.zoom`
+    brackets those.
+
     Parameters
     ----------
     function : callable

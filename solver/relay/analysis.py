@@ -22,9 +22,9 @@ from solver.relay.describing_function import (
 from solver.relay.experiment import RelayExperiment, RelayWiring, wire
 from solver.relay.mcavoy import McAvoy, mcavoy
 from solver.relay.periodic import PeriodicSolution, RelayLoop, periodic_solutions
+from solver.relay.relay_switching import RelaySwitching
 from solver.relay.seen_cycle import SeenCycle
-from solver.relay.settings import Settings, settings
-from solver.relay.switching import RelaySwitching
+from solver.relay.settings import UltimateSettings, settings
 from solver.simulation.bounds import default_bounds, sizes_of
 from solver.simulation.closed_loop import events
 from solver.simulation.integrator import End, integrate
@@ -63,7 +63,7 @@ class Cycle:
         4 d/(pi a) for every output: the ultimate cross gains K_u'; None where an output rests.
     harmonics : tuple of Harmonic
         First harmonics: the frequency responses at 2 pi/T from the relay to each output.
-    settings : Settings or None
+    settings : UltimateSettings or None
         PI settings for the loop; None without an ultimate point.
 
     """
@@ -76,7 +76,7 @@ class Cycle:
     remark: str | None
     cross_gains: tuple[float | None, ...]
     harmonics: tuple[Harmonic, ...]
-    settings: Settings | None
+    settings: UltimateSettings | None
 
 
 @dataclass(frozen=True)

@@ -10,11 +10,11 @@ from solver.model.controllers import Controller
 if TYPE_CHECKING:
     from solver.relay.describing_function import Ultimate
 
-__all__ = ["Settings", "settings"]
+__all__ = ["UltimateSettings", "settings"]
 
 
 @dataclass(frozen=True)
-class Settings:
+class UltimateSettings:
     """PI settings by rule.
 
     Attributes
@@ -31,10 +31,10 @@ class Settings:
     tyreus_luyben: Controller
 
 
-def settings(ultimate: Ultimate, direction: float = 1.0) -> Settings:
+def settings(ultimate: Ultimate, direction: float = 1.0) -> UltimateSettings:
     """Return the settings; `direction` is -1 for a process with negative gain."""
     gain, period = direction * ultimate.gain, ultimate.period
-    return Settings(
+    return UltimateSettings(
         ziegler_nichols=Controller(0.4 * gain, 0.8 * period),
         tyreus_luyben=Controller(gain / 3.2, 2.2 * period),
     )
