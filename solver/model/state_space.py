@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -110,8 +111,9 @@ class StateSpace:
 
 
 def _matrix(value: ArrayLike, field: str, *, empty: bool = False) -> NDArray[np.float64]:
-    if empty and not np.size(value):
-        return np.zeros((0, 0))
+    with contextlib.suppress(ValueError):  # ragged rows, refused below
+        if empty and not np.size(value):
+            return np.zeros((0, 0))
     matrix = real_array(value, field, ndim=2)
     if not matrix.size:
         message = "a matrix is a list of rows of equal length"

@@ -92,13 +92,24 @@ def infeasible() -> Tuned:
 
 def _request(plant: Plant, uncertainty: Uncertainty, performance: Performance) -> Any:
     described = (
-        {"kind": "matrix", "elements": encode(plant.elements_by_row)}
+        {"kind": "matrix", "elements": _asked(plant.elements_by_row)}
         if isinstance(plant, MatrixPlant)
-        else {"kind": "parallel", **encode(plant)}
+        else {"kind": "parallel", **_asked(plant)}
     )
     request = {
         "plant": described,
-        "uncertainty": encode(uncertainty),
-        "performance": encode(performance) | {"tau_p": None},
+        "uncertainty": _asked(uncertainty),
+        "performance": _asked(performance) | {"tau_p": None},
     }
     return parse_tuning_request(json.dumps(request))
+
+
+def _asked(value: Any) -> Any:
+    """Return a record as a request has it: what a record remarks on itself is no part of one."""
+    return _without_remarks(encode(value))
+
+
+def _without_remarks(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _without_remarks(each) for key, each in value.items() if key != "remarks"}
+    return [_without_remarks(each) for each in value] if isinstance(value, list) else value
