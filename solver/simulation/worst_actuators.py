@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 __all__ = ["with_worst_actuators", "worst_actuators"]
 
 _ACTIVE = 5e-3  # relative distance from the highest mu up to which a frequency counts as worst
+_UNSTABLE = "the loops are unstable without perturbation: there is no worst case"
 
 
 def worst_actuators(
@@ -56,11 +57,13 @@ def worst_actuators(
     Raises
     ------
     InvalidInputError
-        Not one loop a unit, or no `tau_p`.
+        Not one loop a unit, no `tau_p`, or loops that are unstable without perturbation.
 
     """
     loops = require_loops(plant, loops)
     require_weights(plant, uncertainty, performance)
+    if not is_stable(plant, loops):
+        raise InvalidInputError(_UNSTABLE, "/loops")
     blocks, controllers = group_loops(plant, loops, uncertainty.structure, performance.output_scale)
     analysis = LoopAnalysis(blocks, controllers, uncertainty, performance)
     mu = analysis.robust_performance(analysis.omega)
@@ -97,8 +100,7 @@ def with_worst_actuators(
             raise InvalidInputError(message, "/kind")
         loops.append(loop.controller)
     if not is_stable(experiment.plant, loops):
-        message = "the loops are unstable without perturbation: there is no worst case"
-        raise InvalidInputError(message, "/kind")
+        raise InvalidInputError(_UNSTABLE, "/kind")
     actuators = worst_actuators(experiment.plant, loops, uncertainty, performance)
     if actuators is None:
         message = "the worst perturbation has too high an order to be simulated"

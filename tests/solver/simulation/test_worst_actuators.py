@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import mutune
 from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError
 from solver.model.plants import first_order
@@ -67,3 +68,14 @@ def test_open_proportional_or_unstable_loops_have_no_worst_case(loops: tuple) ->
     with pytest.raises(InvalidInputError) as caught:
         with_worst_actuators(experiment, Uncertainty.from_error(0.2, 1.0), PERFORMANCE)
     assert caught.value.field == "/kind"
+
+
+def test_unstable_loops_have_no_worst_actuators():
+    """A singular plant under integral action in every loop keeps a pole at zero: said, not met."""
+    lag = mutune.TransferFunction([1], [10, 1])
+    with pytest.raises(mutune.InvalidInputError, match="unstable") as error:
+        mutune.worst_actuators(
+            mutune.ParallelPlant(2, lag, lag), [mutune.Controller(0.1, 10)] * 2,
+            mutune.Uncertainty.from_error(0.2, 1), mutune.Performance(tau_p=100),
+        )  # fmt: skip
+    assert error.value.field == "/loops"
