@@ -110,9 +110,7 @@ def proven_peaks(
         No offset is permitted, but the loops leave one.
 
     """
-    blocks, controllers = group_loops(
-        plant, loops, uncertainty.structure, performance.output_scale
-    )
+    blocks, controllers = group_loops(plant, loops, uncertainty.structure, performance.output_scale)
     analysis = LoopAnalysis(blocks, controllers, uncertainty, performance)
     require_bounded(analysis, loops)
     compiled = _compiled(plant, uncertainty, performance, loops)
@@ -214,9 +212,7 @@ def _count(T: Tables, S: Scratch, analysis: LoopAnalysis) -> int | None:
     return int(np.sum(zeros * T.multiplicity))
 
 
-def _follow(
-    T: Tables, S: Scratch, low: float, high: float, angles: NDArray[np.float64]
-) -> float:
+def _follow(T: Tables, S: Scratch, low: float, high: float, angles: NDArray[np.float64]) -> float:
     """Follow det(I + G C) from `low` upwards, at most to `high`; return how far."""
     no_scales, no_level = np.zeros((2, T.controllers)), 1.0
     return float(
