@@ -207,6 +207,8 @@ def best_bound(N: NDArray[np.complex128], *, full: bool = False) -> float:
     start = np.log(_balanced(N[None], full=full)[0, : 1 if full else n])
     options = {"xatol": 1e-10, "fatol": 1e-13, "maxiter": 4000, "maxfev": 6000, "adaptive": True}
     best = minimize(norm, start, method="Nelder-Mead", options=options)
+    # A simplex may collapse before the minimum: from a new one it goes on.
+    best = minimize(norm, best.x, method="Nelder-Mead", options=options)
     return float(np.exp(best.fun))
 
 
