@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import os
 import sys
 from pathlib import Path
+from typing import Annotated
 
-from pydantic import Field, model_validator
-from pydantic_settings import BaseSettings, SettingsConfigDict
+from pydantic import BeforeValidator, Field, model_validator
+from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 __all__ = ["Configuration"]
 
@@ -24,6 +26,20 @@ def _default_data_dir() -> Path:
     else:
         base = Path(os.environ.get("XDG_DATA_HOME", Path.home() / ".local" / "share"))
     return base / "mutune"
+
+
+def _listed(value: object) -> object:
+    """Return the list that the text of a variable stands for."""
+    if not isinstance(value, str):
+        return value
+    try:
+        return json.loads(value)
+    except ValueError:
+        message = 'write it as a JSON list: ["one", "two"]'
+        raise ValueError(message) from None
+
+
+_Names = Annotated[tuple[str, ...], NoDecode, BeforeValidator(_listed)]
 
 
 class Configuration(BaseSettings):
@@ -85,13 +101,26 @@ class Configuration(BaseSettings):
     api_keys_file: Path | None = Field(
         default=None, description="File of API keys; unset: no keys, for loopback only."
     )
-    cors_origins: tuple[str, ...] = Field(
+    allowed_hosts: _Names = Field(
+        default=(),
+        description="Names of this service beside localhost, addresses and the machine's own; "
+        "JSON list. Unset: with API keys any name.",
+    )
+    cors_origins: _Names = Field(
         default=(), description="Origins whose pages may call; JSON list. Default: none."
     )
     worker_wait: float = Field(
         default=120.0,
         gt=0,
         description="Longest wait of a batch for the first worker of a scheduler, seconds.",
+    )
+    start_wait: float = Field(
+        default=60.0,
+        ge=0,
+        description="How long a start waits for a database that does not answer yet, seconds.",
+    )
+    max_connections: int = Field(
+        default=2000, ge=1, description="Open connections, beyond which requests get 503."
     )
     max_wait: float = Field(
         default=60.0, gt=0, description="Longest wait that `Prefer: wait=N` gets, seconds."

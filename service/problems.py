@@ -21,12 +21,14 @@ __all__ = [
     "ForbiddenError",
     "MediaTypeError",
     "MethodError",
+    "MisdirectedError",
     "NotFoundError",
     "NumbersError",
     "ParameterError",
     "Problem",
     "ProblemError",
     "RateError",
+    "SlowBodyError",
     "TimeLimitError",
     "UnauthorizedError",
     "UnavailableError",
@@ -119,6 +121,14 @@ class MediaTypeError(ProblemError):
     """The request body is of a kind that the operation does not read."""
 
 
+class SlowBodyError(ProblemError):
+    """The request body comes too slowly."""
+
+
+class MisdirectedError(ProblemError):
+    """The request is addressed to a name that is not this service's."""
+
+
 class UnauthorizedError(ProblemError):
     """The request carries no valid API key."""
 
@@ -186,8 +196,10 @@ KINDS: dict[type[Exception], Kind] = {
     NumbersError: Kind(422, "numbers", "The numbers are beyond double precision"),
     BodyTooLargeError: Kind(413, "body-too-large", "The body is too large"),
     MediaTypeError: Kind(415, "media-type", "The body must be JSON"),
+    SlowBodyError: Kind(408, "slow-body", "The body comes too slowly"),
+    MisdirectedError: Kind(421, "misdirected", "The request is for another host"),
     UnauthorizedError: Kind(401, "unauthorized", "An API key is needed"),
-    ForbiddenError: Kind(403, "forbidden", "The API key does not permit this"),
+    ForbiddenError: Kind(403, "forbidden", "The caller may not do this"),
     RateError: Kind(429, "too-many", "Too many requests"),
     NotFoundError: Kind(404, "not-found", "Not found"),
     MethodError: Kind(405, "method", "The resource does not have this method"),

@@ -315,12 +315,18 @@ def serve(
     insecure: Annotated[
         bool, typer.Option("--insecure", help="Listen beyond this machine without API keys.")
     ] = False,
+    certfile: Annotated[
+        Path | None, typer.Option(metavar="CERT.pem", help="Serve HTTPS with this certificate.")
+    ] = None,
+    keyfile: Annotated[
+        Path | None, typer.Option(metavar="KEY.pem", help="Its key, unless that is beside it.")
+    ] = None,
 ) -> None:
     """Serve the HTTP API and the page."""
     _begin_processes()
     from service.cli.serving import serve as run  # noqa: PLC0415 - heavy
 
-    raise typer.Exit(run(host, port, insecure=insecure))
+    raise typer.Exit(run(host, port, insecure=insecure, certfile=certfile, keyfile=keyfile))
 
 
 @app.command()

@@ -11,7 +11,10 @@ from functools import wraps
 from pathlib import Path
 from typing import ParamSpec
 
+from pydantic import ValidationError
+
 from service.schemas import Fault, RequestError, TuningResult
+from service.startup import CannotStartError
 from solver.model.errors import InvalidInputError
 
 __all__ = ["ExitCode", "exit_code_of", "is_loopback", "read_input", "reported", "say"]
@@ -80,29 +83,47 @@ def reported(command: Callable[_Parameters, ExitCode]) -> Callable[_Parameters, 
     def run(*args: _Parameters.args, **kwargs: _Parameters.kwargs) -> ExitCode:
         try:
             return command(*args, **kwargs)
-        except RequestError as error:
-            for fault in error.faults:
-                _say_fault(fault)
-        except InvalidInputError as error:
-            _say_fault(Fault(error.field, error.message))
         except BrokenPipeError:  # the reader of the output went away; typer ends quietly
             raise
-        except OSError as error:
-            say(f"error: {error}")
-            return ExitCode.FAILED
         except KeyboardInterrupt:
             say("Interrupted.")
             return ExitCode.INTERRUPTED
         except Exception as error:  # noqa: BLE001 - a user gets a line to report, not a traceback
-            where = traceback.extract_tb(error.__traceback__)[-1]
-            say(
-                f"error: a fault of mutune itself: {type(error).__name__}: {error} "
-                f"({Path(where.filename).name}:{where.lineno}); please report it with the request"
-            )
-            return ExitCode.FAILED
-        return ExitCode.BAD_INPUT
+            return _told(error)
 
     return run
+
+
+def _told(error: Exception) -> ExitCode:
+    """Say what went wrong; return the exit code that stands for it."""
+    match error:
+        case RequestError():
+            for fault in error.faults:
+                _say_fault(fault)
+        case InvalidInputError():
+            _say_fault(Fault(error.field, error.message))
+        case ValidationError(title="Configuration"):
+            for wrong in error.errors():
+                names = "".join(f"MUTUNE_{str(name).upper()}: " for name in wrong["loc"][:1])
+                say(f"error: {names}{wrong['msg'].removeprefix('Value error, ')}")
+        case CannotStartError():
+            say(f"error: {error}")
+            return ExitCode.CANNOT_START
+        case OSError():
+            say(f"error: {error}")
+            return ExitCode.FAILED
+        case _:
+            return _fault_of_ours(error)
+    return ExitCode.BAD_INPUT
+
+
+def _fault_of_ours(error: Exception) -> ExitCode:
+    where = traceback.extract_tb(error.__traceback__)[-1]
+    say(
+        f"error: a fault of mutune itself: {type(error).__name__}: {error} "
+        f"({Path(where.filename).name}:{where.lineno}); please report it with the request"
+    )
+    return ExitCode.FAILED
 
 
 def _say_fault(fault: Fault) -> None:

@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import logging
+import time
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, asynccontextmanager
 from typing import Any
 
 from fastapi import Depends, FastAPI
 from fastapi.middleware.cors import CORSMiddleware
+from sqlalchemy import Engine as Connections
 
 import service.http.openapi
 from service.configuration import Configuration
 from service.http import docs_page, errors
 from service.http.access import RateLimiter, authenticate
+from service.http.guards import Head, KnownHosts, SteadyBodies
 from service.http.metrics import Metrics
 from service.http.middleware import Compressed, Observed, SecurityHeaders
 from service.http.routes import (
@@ -42,6 +46,10 @@ from service.keys import KeyFile
 from solver import __version__
 
 __all__ = ["create_app"]
+
+_RETRY = 1.0  # seconds between tries to reach a database
+
+logger = logging.getLogger(__name__)
 
 _DESCRIPTION = """
 Robust PI/PID settings for identical parallel units: provably as fast as the model uncertainty
@@ -118,6 +126,15 @@ def create_app(configuration: Configuration | None = None) -> FastAPI:
             expose_headers=["Location", "Retry-After", "X-Request-Id"],
         )
     app.add_middleware(Compressed)
+    app.add_middleware(SteadyBodies)
+    app.add_middleware(Head)
+    # Who has no key is trusted for where they come from; with keys a name may be any.
+    if app.state.keys is None or app.state.configuration.allowed_hosts:
+        app.add_middleware(
+            KnownHosts,
+            hosts=app.state.configuration.allowed_hosts,
+            origins=app.state.configuration.cors_origins,
+        )
     app.add_middleware(SecurityHeaders)
     app.add_middleware(Observed, metrics=app.state.metrics)
     return app
@@ -130,7 +147,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
         stack.enter_context(database.sole_user(configuration.url))
         connections = database.connect(configuration.url)
         stack.callback(connections.dispose)
-        await asyncio.to_thread(database.migrate, connections)
+        await _migrated(connections, configuration.start_wait)
         await asyncio.to_thread(app.openapi)  # half a second, for which no caller should wait
 
         transactions = Transactions(connections)
@@ -162,6 +179,28 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
         await stack.enter_async_context(_background(lead(connections, dispatcher.run)))
         await stack.enter_async_context(_background(expire(queue, configuration.retention_days)))
         yield
+
+
+async def _migrated(connections: Connections, patience: float) -> None:
+    """Bring the schema up to date, as soon as the database answers.
+
+    Raises
+    ------
+    CannotStartError
+        It does not answer in `patience` seconds, or is newer than this program.
+
+    """
+    deadline = time.monotonic() + patience
+    while True:
+        try:
+            await asyncio.to_thread(database.migrate, connections)
+        except database.DatabaseSilentError as error:
+            if time.monotonic() > deadline:
+                raise
+            logger.warning("%s; trying again", error)
+            await asyncio.sleep(_RETRY)
+        else:
+            return
 
 
 @asynccontextmanager

@@ -23,6 +23,7 @@ from sqlalchemy import (
     insert,
     null,
     select,
+    text,
     update,
 )
 from sqlalchemy.exc import IntegrityError
@@ -69,9 +70,9 @@ class Store:
         self._max_queued = max_queued
 
     def ping(self) -> None:
-        """Check that the database answers."""
-        with self._transactions.reading() as connection:
-            connection.execute(select(1))
+        """Check that the database answers and takes what is written."""
+        with self._transactions.writing(durable=False) as connection:
+            connection.execute(_NOTHING_NEW)
 
     def submit(self, owner: str, job: NewJob, idempotency_key: str | None = None) -> Job:
         """Accept a job, or return the one accepted before under the same key.
@@ -361,6 +362,8 @@ def _take_known(
     return bool(known)
 
 
+# A write that changes nothing: what a full or read-only database refuses.
+_NOTHING_NEW = text("UPDATE alembic_version SET version_num = version_num")
 _COLUMNS = (
     JobRow.sequence,
     JobRow.id,

@@ -121,7 +121,7 @@ def test_a_thousand_followers_hear_the_end_and_hold_nobody_up(client: httpx.Clie
         streams = []
         for _ in range(followers):
             stream = stack.enter_context(socket.create_connection(address, timeout=60))
-            stream.sendall(f"GET {path}/events HTTP/1.1\r\nHost: x\r\n\r\n".encode())
+            stream.sendall(f"GET {path}/events HTTP/1.1\r\nHost: localhost\r\n\r\n".encode())
             streams.append(stream)
         for stream in streams:
             assert stream.recv(17) == b"HTTP/1.1 200 OK\r\n"

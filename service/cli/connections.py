@@ -1,0 +1,53 @@
+"""Connections of the server: one that does not come to the point is closed."""
+
+from __future__ import annotations
+
+import asyncio
+
+from uvicorn.protocols.http.h11_impl import H11Protocol
+
+__all__ = ["HEAD_BYTES", "PunctualProtocol"]
+
+HEAD_BYTES = 32_768  # request line and headers together
+_HEAD_SECONDS = 10.0  # from the beginning of a connection, or the end of an answer, to a request
+
+
+class PunctualProtocol(H11Protocol):
+    """HTTP/1.1 with a time limit for the head of a request, which uvicorn does not have.
+
+    Its own limit for idle connections ends with the first byte of a request.
+    """
+
+    _timer: asyncio.TimerHandle | None = None
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        """Begin to wait for a request."""
+        super().connection_made(transport)
+        self._look()
+
+    def data_received(self, data: bytes) -> None:
+        """Take what has come, and wait on if that is no request yet."""
+        super().data_received(data)
+        self._look()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Wait no longer."""
+        super().connection_lost(exc)
+        self._stop()
+
+    def _look(self) -> None:
+        """Let the timer run while there is no request, from when it was first missing."""
+        if self.cycle is not None and not self.cycle.response_complete:
+            self._stop()
+        elif self._timer is None:
+            self._timer = self.loop.call_later(_HEAD_SECONDS, self._close)
+
+    def _stop(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+
+    def _close(self) -> None:
+        self._timer = None
+        if self.cycle is None or self.cycle.response_complete:
+            self.transport.close()
