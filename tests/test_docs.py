@@ -1,0 +1,109 @@
+"""The pages do what they say: commands run, numbers are those printed, examples work."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import shlex
+import shutil
+from pathlib import Path
+
+import documentation
+import pytest
+from typer.testing import CliRunner
+
+from service.cli import app
+from service.schemas import TuningRequest
+from service.schemas.parsing import parse
+
+ROOT = Path(__file__).parent.parent
+EXAMPLES = ROOT / "examples"
+# The command of an example by the first words of its name; all others are tunings.
+COMMANDS = {
+    "controller_forms": "controller-forms",
+    "decoupling": "decouple",
+    "integrity": "integrity",
+    "interaction": "interaction",
+    "parallel_drives": "parallel-drives",
+    "relay": "relay",
+    "robustness": "robustness",
+    "step_response": "step-response",
+}
+REQUESTS = sorted(path.name for path in EXAMPLES.glob("*.json"))
+
+
+def command_of(name: str) -> str:
+    """Return the command that an example is for."""
+    found = [command for start, command in COMMANDS.items() if name.startswith(start)]
+    return found[0] if found else "tune"
+
+
+@pytest.mark.parametrize(
+    "page", documentation.pages(), ids=lambda page: str(page.relative_to(ROOT))
+)
+def test_blocks_print_what_the_page_shows(
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Every block marked to be run works, and prints the lines shown behind it."""
+    shutil.copytree(EXAMPLES, tmp_path / "examples")
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {"__name__": "page"}
+    for block in documentation.runs(page):
+        if block.mark.startswith("file: "):
+            Path(block.mark.removeprefix("file: ")).write_text(block.text, encoding="utf-8")
+            continue
+        if block.language == "python":
+            with contextlib.redirect_stdout(io.StringIO()) as stream:
+                exec(compile(block.text, str(page), "exec"), names)  # noqa: S102 - our own pages
+            output = stream.getvalue()
+        else:
+            output = "".join(_printed(line) for line in _commands(block.text))
+        assert documentation.missing_line(block.printed, output) is None, output
+
+
+def _commands(text: str) -> list[str]:
+    return [line for line in text.replace("\\\n", " ").splitlines() if line.strip()]
+
+
+def _printed(line: str) -> str:
+    program, *arguments = shlex.split(line, comments=True)
+    assert program == "mutune", line
+    result = CliRunner().invoke(app, arguments, catch_exceptions=False)
+    assert result.exit_code == 0, result.output
+    return result.stdout
+
+
+@pytest.mark.parametrize("name", REQUESTS)
+def test_every_example_runs(name: str) -> None:
+    """Each example is done by its command; tunings, which take long, are only read."""
+    command = command_of(name)
+    text = (EXAMPLES / name).read_text(encoding="utf-8")
+    if command == "tune":
+        parse(TuningRequest, text).build()
+        return
+    result = CliRunner().invoke(app, [command, str(EXAMPLES / name), "--json"])
+    assert result.exit_code == 0, result.output
+    json.loads(result.stdout)
+
+
+def test_every_command_has_an_example() -> None:
+    """Each command that takes one request has a file to start from."""
+    assert {command_of(name) for name in REQUESTS} == {*COMMANDS.values(), "tune"}
+
+
+def test_every_example_is_on_a_page() -> None:
+    """Each example file is named where a reader finds it."""
+    pages = [ROOT / "README.md", *ROOT.glob("docs/**/*.md")]
+    text = "\n".join(page.read_text(encoding="utf-8") for page in pages)
+    for path in EXAMPLES.iterdir():
+        assert f"examples/{path.name}" in text, path.name
+
+
+def test_a_changed_number_is_seen() -> None:
+    """The comparison lets last digits pass, and nothing else."""
+    line = ("mu is 1.5597",)
+    assert documentation.missing_line(line, "mu is 1.5598\n") is None
+    assert documentation.missing_line(line, "mu is 1.5601\n") == line[0]
+    assert documentation.missing_line(line, "mu was 1.5597\n") == line[0]
+    assert documentation.missing_line(("4 sets",), "5 sets\n") == "4 sets"
