@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import json
+import re
 import shlex
 import shutil
 from pathlib import Path
@@ -13,6 +14,7 @@ import documentation
 import pytest
 from typer.testing import CliRunner
 
+import mutune
 from service.cli import app
 from service.schemas import TuningRequest
 from service.schemas.parsing import parse
@@ -87,6 +89,37 @@ def test_every_example_runs(name: str) -> None:
     json.loads(result.stdout)
 
 
+def test_table_of_costs() -> None:
+    """The time constants over epsilon, theta and max_peak are those that a search finds."""
+    page = (ROOT / "docs" / "howto" / "choose_uncertainty.md").read_text(encoding="utf-8")
+    table = re.findall(
+        r"^\| ([\d.]+) \| ([\d.]+) \| ([\d.]+) \| ([\d.]+) \| ([\d.]+) \|$", page, re.MULTILINE
+    )
+    assert len(table) == 9
+    plant = mutune.first_order(2, gain=1, time_constant=100, interaction=0.949)
+    known = {
+        "identical": [mutune.Controller(39.52, 57.5)] * 2,
+        "independent": [mutune.Controller(47.655, 101.23), mutune.Controller(18.901, 2.361)],
+    }
+    for row in table:
+        epsilon, theta, peak, *said = map(float, row)
+        uncertainty = mutune.Uncertainty.from_error(epsilon, theta)
+        found = [
+            mutune.tune(
+                plant, uncertainty, max_peak=peak, arrangement=arrangement, start=start
+            ).tau_p
+            for arrangement, start in known.items()
+        ]
+        assert said == pytest.approx(found, abs=6e-3), row
+
+
+def test_python_reference_has_every_name() -> None:
+    """All that `mutune` exports stands in the reference, and nothing else."""
+    page = (ROOT / "docs" / "reference" / "python.md").read_text(encoding="utf-8")
+    listed = " ".join(re.findall(r"<!-- python: ([\w\s]+) -->", page)).split()
+    assert sorted(listed) == sorted(set(mutune.__all__) - {"__version__"})
+
+
 def test_every_command_has_an_example() -> None:
     """Each command that takes one request has a file to start from."""
     assert {command_of(name) for name in REQUESTS} == {*COMMANDS.values(), "tune"}
@@ -96,7 +129,7 @@ def test_every_example_is_on_a_page() -> None:
     """Each example file is named where a reader finds it."""
     pages = [ROOT / "README.md", *ROOT.glob("docs/**/*.md")]
     text = "\n".join(page.read_text(encoding="utf-8") for page in pages)
-    for path in EXAMPLES.iterdir():
+    for path in filter(Path.is_file, EXAMPLES.iterdir()):
         assert f"examples/{path.name}" in text, path.name
 
 

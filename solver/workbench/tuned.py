@@ -41,6 +41,9 @@ class InfeasibleError(MutuneError):
 class Tuned:
     """A task and its outcome.
 
+    Two of them are equal where task and outcome are, the duration of the search apart; see
+    `isclose` for outcomes of different machines.
+
     Parameters
     ----------
     specification : Specification
@@ -48,8 +51,6 @@ class Tuned:
     tuning : Tuning
         What was found: peaks, curves, comparison, certificate and all the rest.
 
-    Two of them are equal where task and outcome are, the duration of the search apart; see
-    `isclose` for outcomes of different machines.
     """
 
     specification: Specification
