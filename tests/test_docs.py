@@ -15,7 +15,7 @@ import pytest
 from typer.testing import CliRunner
 
 import mutune
-from service.cli import app
+from service.cli.commands import app
 from service.schemas import TuningRequest
 from service.schemas.parsing import parse
 
