@@ -81,6 +81,12 @@ def parallel():
             "kind": "parallel", "n": 2, "process": element([1], [50, 1], 0.5),
             "interaction": element([0.5], [50, 1], other),
         }, {}  # fmt: skip
+    # Hundreds of turns of the phase below the crossover: samples that are not aligned with the
+    # turns, even eight a turn, show 2.197 for settings whose tau_P is 2.95.
+    yield "late interaction, many turns", "family", {
+        "kind": "parallel", "n": 2, "process": element([1], [1000, 1]),
+        "interaction": element([0.5], [1000, 1], 100),
+    }, {}  # fmt: skip
 
 
 def integrating():
