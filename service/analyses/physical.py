@@ -79,7 +79,8 @@ class PhysicalModelRequest(AnalysisRequest):
         json_schema_extra={"x-unit": "consistent"},
     )
 
-    model_config = ConfigDict(json_schema_extra={"examples": [EXAMPLE]})
+    # The names of the data depend on the equipment, which a form of the page does not know.
+    model_config = ConfigDict(json_schema_extra={"examples": [EXAMPLE], "x-form": False})
 
     def build(self) -> Equipment:
         """Return the solver's model.

@@ -20,11 +20,12 @@ export function operation(path) {
   return { path, name, summary, description, input: schemaOf(requestBody), output: schemaOf(responses["200"]) };
 }
 
-/** What is answered within the request. */
+/** What is answered within the request, and asked for by a form. */
 export const analyses = () =>
   Object.keys(openapi.paths)
     .filter((path) => /^\/v1\/[^/]+$/.test(path) && openapi.paths[path].post?.tags.includes("analyses"))
-    .map(operation);
+    .map(operation)
+    .filter(({ input }) => resolve(input)["x-form"] !== false);
 
 /**
  * Follow references and fold unions: `nullable` says that null is permitted, `variants` lists

@@ -116,7 +116,8 @@ class IdentificationRequest(AnalysisRequest):
         examples=[False],
     )
 
-    model_config = ConfigDict(json_schema_extra={"examples": [EXAMPLE]})
+    # Nobody types a record into a form: it comes from a file, by the command line or over HTTP.
+    model_config = ConfigDict(json_schema_extra={"examples": [EXAMPLE], "x-form": False})
 
     def build(self) -> IdentificationTask:
         """Return the records.
