@@ -29,6 +29,7 @@ _MODULES = {
     "solver.model.weights": ("Performance", "Structure", "Uncertainty"),
     "solver.optimality.record": ("Optimality", "Proof"),
     "solver.robustness.record": ("Curves", "Guarantee", "GuaranteeStatus", "Peaks"),
+    "solver.tuning.demands": ("DemandOutcome", "Demands"),
     "solver.tuning.record": ("Comparison", "LocalOptimum", "SearchSummary", "Status", "Tuning"),
     "solver.tuning.specification": (
         "Arrangement", "Bounds", "ControllerKind", "Objective", "Signs", "Specification",
