@@ -15,6 +15,8 @@ from sqlalchemy import (
 )
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 
+from service.jobs.packed import PackedText
+
 __all__ = ["Base", "BatchItemRow", "BatchRow", "JobRow"]
 
 # SQLite numbers rows by itself for INTEGER PRIMARY KEY only.
@@ -78,7 +80,7 @@ class JobRow(Base):
     time_limit: Mapped[float] = mapped_column(Double)
     request: Mapped[str] = mapped_column(Text)
     error: Mapped[str | None] = mapped_column(Text)
-    result: Mapped[str | None] = mapped_column(Text)
+    result: Mapped[str | None] = mapped_column(PackedText)
 
 
 class BatchItemRow(Base):

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import numpy as np
 import postgres
 import pytest
 from sqlalchemy import Engine, delete, event, func, select, text
@@ -83,6 +84,37 @@ def test_migration_is_repeatable_and_safe_at_the_same_time(engine: Engine) -> No
     with ThreadPoolExecutor(4) as pool:
         for future in [pool.submit(database.migrate, engine) for _ in range(8)]:
             future.result()
+
+
+def test_results_from_before_compression_are_read(engine: Engine) -> None:
+    """Rows of an earlier version keep every digit; those without a result stay without."""
+    store = Store(Transactions(engine), max_queued=10)
+    found = {text: store.submit("", NewJob(json.dumps({"text": text}), 60)).id for text in "ab"}
+    result = json.dumps({"status": "optimal", "tau_p": 18.446123456789012, "unit": "°"})
+    with engine.begin() as connection:
+        connection.execute(text("ALTER TABLE jobs DROP COLUMN result"))
+        connection.execute(text("ALTER TABLE jobs ADD COLUMN result TEXT"))
+        connection.execute(
+            text("UPDATE jobs SET result = :result WHERE id = :id"),
+            {"result": result, "id": found["a"]},
+        )
+        connection.execute(text("UPDATE alembic_version SET version_num = '0003'"))
+    database.migrate(engine)
+    assert store.get("", found["a"]).result == result
+    assert store.get("", found["b"]).result is None
+
+
+def test_a_result_takes_half_its_text(engine: Engine, store: Store, queue: Queue) -> None:
+    """Curves of digits that nothing foretells are the worst of it."""
+    curve = np.random.default_rng(0).random(900).tolist()
+    result = json.dumps({"omega": curve, "digits": "0" * 1000})
+    job_id = store.submit("", job()).id
+    finish(queue, claim(queue, 1)[0], Outcome(JobStatus.SUCCEEDED, result))
+    assert store.get("", job_id).result == result
+    with engine.connect() as connection:
+        size = connection.scalar(text("SELECT length(result) FROM jobs"))
+    assert size is not None
+    assert size < 0.55 * len(result)
 
 
 def test_interactive_before_batch_then_oldest_first(store: Store, queue: Queue) -> None:
