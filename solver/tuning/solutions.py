@@ -116,6 +116,12 @@ class Solutions:
                     best, lowest = solution, value
         return best
 
+    def nearest(self) -> GroupingSearch | None:
+        """Return the search whose first phase came nearest to settings that meet the demand."""
+        began = [search for search in self.searches if search.closest is not None]
+        return min(began, key=lambda each: each.closest.value if each.closest else math.inf,
+                   default=None)  # fmt: skip
+
     def kept(self, search: GroupingSearch) -> Solution:
         """Return the best stable settings of a search that was cut short."""
         for optimum in search.optima[:1]:

@@ -177,14 +177,25 @@ class _Run:
             return
         if not self.specification.interchangeable:
             return
-        # Beside the best partition, as long as that finds a better one.
-        while (best := self._chosen()) is not None:
-            around = [g for g in neighbours(best.search.groups) if g not in self.partitions]
+        # Beside the best partition, or the one that comes nearest to the demand, as long as that
+        # finds a better one.
+        here = self._foremost()
+        while here is not None:
+            around = [g for g in neighbours(here) if g not in self.partitions]
             for groups in around:
                 self.partitions.append(groups)
                 self._solve(groups, patterns(groups))
-            if not around or self._chosen() is best:
+            before, here = here, self._foremost()
+            if not around or here == before:
                 break
+
+    def _foremost(self) -> Groups | None:
+        """Return the partition of the best settings; where there are none, of the nearest ones."""
+        best = self._chosen()
+        nearest = self.solutions.nearest()
+        if best is not None:
+            return best.search.groups
+        return None if nearest is None else nearest.groups
 
     def _solve(self, groups: Groups, patterns: list[tuple[float, ...]]) -> None:
         for signs in patterns:
@@ -232,16 +243,10 @@ class _Run:
             return infeasible(
                 self.specification, groups, self.clock, reason, None, status=Status.TIME_LIMIT
             )
-        nearest = [
-            (search.closest.value, search)
-            for search in self.solutions.searches
-            if search.closest is not None
-        ]
-        if not nearest:
+        search = self.solutions.nearest()
+        if search is None or search.closest is None:
             reason = "none were found that stabilise the loops within the parameter bounds"
             return infeasible(self.specification, groups, self.clock, reason, None)
-        _, search = min(nearest, key=lambda pair: pair[0])
-        assert search.closest is not None  # noqa: S101 - for the type checker
         slow = search.slowest_demand(search.closest)
         reason = (
             f"none were found that meet mu <= 1 at any tau_P: for the nearest ones even an "
