@@ -26,7 +26,7 @@ from solver.model.controllers import Controller
 from solver.mu.scaling import sweep
 from solver.robustness.axis import proven_peaks
 from solver.stability.closed_loop import unstable_poles
-from solver.tuning.objective import TauGoal
+from solver.tuning.goals import TauGoal
 from solver.tuning.tuner import tune
 
 BEST = Path(__file__).parent / "zoo" / "best.json"

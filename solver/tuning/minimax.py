@@ -23,6 +23,8 @@ from typing import TYPE_CHECKING
 import daqp
 import numpy as np
 
+from solver.tuning.program import NEAR_ACTIVE, quadratic, ranges, room_planes, updated
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
@@ -39,12 +41,9 @@ NEAR = 0.1  # while they are so near
 ENOUGH = 0.1  # share of the promise that makes a step count
 LARGEST_RADIUS = 2.0
 SMALLEST_RADIUS = 1e-9
-CURVATURE_OF_S = 1e-2  # makes the program strictly convex; of no effect as ds goes to 0
-LEAST_CURVATURE = 1e-3  # keeps B regular; the radius, not this, limits the step
 FEASIBILITY = 1e-11  # constraints of the program hold to this, below any tolerance in s
 PROJECTIONS = 50  # onto one plane after the other; each has three parameters at most
 ON_PLANE = 1e-9  # a relative excess that is rounding
-NEAR_ACTIVE = 4.0  # frequencies with more room than this cannot become active in one step
 
 
 @dataclass(frozen=True)
@@ -134,7 +133,7 @@ def minimise(
         length = float(np.abs(step.d).max())
         fall = here.merit - there.merit
         if fall > ENOUGH * step.promise:
-            B = _update(B, step, here, there)
+            B = updated(B, step.d, step.multipliers, here.gradient, there.gradient)
             if fall > 0.7 * step.promise and length > 0.5 * radius:
                 radius = min(2 * radius, LARGEST_RADIUS)
             here = there
@@ -174,47 +173,35 @@ class _Model:
         and the levels at the trial imply.
         """
         size, slope = here.theta.size, here.demand_slope
-        room = here.level - here.demand
-        active = np.flatnonzero(room < NEAR_ACTIVE)
-        base = room
+        room = base = here.level - here.demand
         if trial is not None:
             base = self._room(trial, here) - here.gradient @ (trial.theta - here.theta)
-        planes = [(here.gradient, base, active)]
+        below = 0 if self.box.limits is None else self.box.limits.size
+        A = np.empty(((1 + len(self.bundle)) * room.size + below, size + 2))
+        limits = np.empty(len(A))
+        first = filled = room_planes(here.gradient, room, room, base, slope, A, limits, 0)
         for other in self.bundle:
             # Where the level is a minimum of smooth pieces, this is the piece on the other side. It
             # must not cut off the present point, as the tangent of a convex level would.
             seen = self._room(other, here)
-            there = seen + other.gradient @ (here.theta - other.theta)
-            rows = active[seen[active] < NEAR_ACTIVE]
-            planes.append((other.gradient, np.maximum(there, room), rows))
-        H = np.zeros((size + 2, size + 2))
-        H[:size, :size] = self.B
-        H.flat[:: size + 3] += [LEAST_CURVATURE] * size + [CURVATURE_OF_S] * 2
-        f = np.array([0.0] * size + [1.0, self.objective.penalty])
-        rows = np.concatenate([rows for _, _, rows in planes])
-        A = np.empty((rows.size, size + 2))
-        A[:, :size] = np.concatenate([-gradient[rows] for gradient, _, rows in planes])
-        A[:, size] = slope[rows]
-        A[:, size + 1] = -1.0
-        limits = np.concatenate([limit[rows] for _, limit, rows in planes])
-        d_high = np.minimum(self.box.high - here.theta, self.radius)
-        d_low = np.maximum(self.box.low - here.theta, -self.radius)
-        upper = np.concatenate([d_high, [3.0, 1e3], limits])
+            there = np.maximum(seen + other.gradient @ (here.theta - other.theta), room)
+            filled = room_planes(other.gradient, room, seen, there, slope, A, limits, filled)
         if self.box.rows is not None and self.box.limits is not None:
-            below = np.pad(self.box.rows, ((0, 0), (0, 2)))
-            A = np.concatenate([A, below])
+            A[filled : filled + below] = np.pad(self.box.rows, ((0, 0), (0, 2)))
             # Rounding must not leave the program without a solution.
-            left = np.maximum(self.box.limits - self.box.rows @ here.theta, 0.0)
-            upper = np.concatenate([upper, left])
-        lower = np.concatenate([d_low, [-3.0, 0.0], np.full(len(A), -1e30)])
+            left = self.box.limits - self.box.rows @ here.theta
+            limits[filled : filled + below] = np.maximum(left, 0.0)
+            filled += below
+        lower, upper = ranges(here.theta, self.box.low, self.box.high, self.radius, limits[:filled])
+        H, f = quadratic(self.B, self.objective.penalty)
         sense = np.zeros(upper.size, dtype=np.int32)
         x, _, flag, info = daqp.solve(
-            H, f, A, upper, lower, sense, primal_tol=FEASIBILITY, eps_prox=0
+            H, f, A[:filled], upper, lower, sense, primal_tol=FEASIBILITY, eps_prox=0
         )
         if flag < 1:
             return None
-        multipliers = np.zeros(here.level.size)
-        multipliers[active] = np.abs(info["lam"][size + 2 : size + 2 + active.size])
+        multipliers = np.zeros(room.size)
+        multipliers[room < NEAR_ACTIVE] = np.abs(info["lam"][size + 2 : size + 2 + first])
         promise = here.merit - here.s - float(x[size]) - self.objective.penalty * float(x[size + 1])
         return _Step(np.asarray(x[:size]), promise, multipliers)
 
@@ -237,21 +224,3 @@ def _corrected(
             if again.merit < there.merit:
                 return _Step(corrected.d, step.promise, step.multipliers), again
     return step, there
-
-
-def _update(
-    B: NDArray[np.float64], step: _Step, here: Evaluation, there: Evaluation
-) -> NDArray[np.float64]:
-    """Powell's damped BFGS update with the Lagrangian -sum multipliers * level."""
-    d = step.d
-    change = -(step.multipliers @ (there.gradient - here.gradient))
-    Bd = B @ d
-    curvature = float(d @ Bd)
-    if not curvature > 0:
-        return B
-    inner = float(d @ change)
-    if inner < 0.2 * curvature:
-        weight = 0.8 * curvature / (curvature - inner)
-        change = weight * change + (1 - weight) * Bd
-        inner = float(d @ change)
-    return np.asarray(B - np.outer(Bd, Bd) / curvature + np.outer(change, change) / inner)

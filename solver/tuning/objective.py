@@ -22,6 +22,7 @@ import numpy as np
 from solver.model.controllers import Controller
 from solver.mu.kernel import FINE
 from solver.mu.workspace import TINY
+from solver.tuning.goal_levels import judged
 from solver.tuning.loop_levels import ends_at_rest, loop_levels, winds_as_stable
 from solver.tuning.specification import ControllerKind
 
@@ -29,101 +30,18 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from solver.model.blocks import LoopBlocks
-    from solver.model.weights import Performance, Uncertainty
+    from solver.model.weights import Uncertainty
     from solver.tuning.alone import LoopsAlone
+    from solver.tuning.goals import Goal
 
 MISSED = 1e-5  # of log |1 + g c|^2: far less than the margin that the demand keeps
 FORBIDDEN = -50.0  # stands for a level of minus infinity where a curve is refined
 BESIDE = 0.1  # log omega within which a peak is followed
 AROUND = (BESIDE * np.array([-1, -0.3, 0, 0.3, 1]), BESIDE * np.array([-0.03, 0, 0.03]))
 
-__all__ = ["BESIDE", "PENALTY", "Evaluation", "Goal", "LoopObjective", "MuGoal", "TauGoal"]
+__all__ = ["BESIDE", "PENALTY", "Evaluation", "LoopObjective"]
 
 PENALTY = 30.0  # price in s of a missing level; more than its multiplier as a rule
-
-
-@dataclass(frozen=True)
-class TauGoal:
-    """The objective tau_P: s = log tau_P, level log p*, demand log |w_P|^2.
-
-    `target` < 1 demands mu <= target instead of 1, as a margin.
-    """
-
-    performance: Performance
-    target: float = 1.0
-    skewed: bool = True
-
-    def weight(self, omega: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Weight of the performance rows before the level scales them, (k,)."""
-        return np.ones_like(omega)
-
-    def demand(
-        self, s: float, omega: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Level needed at `omega` (k,) for tau_P = e^s, and its slope in s."""
-        M, A = self.performance.max_peak, self.performance.offset
-        square = np.exp(2 * s) * omega**2
-        level = np.log((square + 1) / (square * M**2 + A**2)) - 2 * math.log(self.target)
-        return level, 2 * square * (1 / (square + 1) - M**2 / (square * M**2 + A**2))
-
-    def saturated(self, omega: NDArray[np.float64], penalty: float) -> NDArray[np.float64]:
-        """Values of s, (k,), from which a frequency's demand falls by less than 1/`penalty`.
-
-        There, far above the bandwidth, a frequency is a constraint on the controller and no
-        measure of tau_P: a trifle in the level would stand for any tau_P at all.
-        """
-        return 0.5 * math.log(2 * penalty - 1) - np.log(omega)
-
-    def attained(
-        self, level: NDArray[np.float64], omega: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        """Least s that each frequency permits, (k,); infinite where no tau_P does."""
-        M, A = self.performance.max_peak, self.performance.offset
-        p = np.exp(np.minimum(level + 2 * math.log(self.target), 500))
-        # tau_P^2 = (1 - p A^2)/(p M^2 - 1)/omega^2, theory of the skewed form.
-        room = p * M**2 - 1
-        with np.errstate(divide="ignore"):
-            square = np.where(room > 0, np.maximum(1 - p * A**2, 0) / np.maximum(room, 1e-300),
-                              np.inf)  # fmt: skip
-            return 0.5 * np.log(square) - np.log(omega)
-
-
-@dataclass(frozen=True)
-class MuGoal:
-    """The objective mu at a given weight: s = log mu^2, level -log mu^2, demand -s.
-
-    `performance.tau_p` None stands for an infinitely slow loop, w_P = 1/M: whether any tau_P at
-    all can be had.
-    """
-
-    performance: Performance
-    target: float = 1.0
-    skewed: bool = False
-
-    def weight(self, omega: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Weight |w_P|^2 of the performance rows, (k,)."""
-        if self.performance.tau_p is None:
-            return np.full_like(omega, self.performance.max_peak**-2)
-        return self.performance.magnitude(omega) ** 2
-
-    def demand(
-        self, s: float, omega: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Level needed at `omega` (k,) for mu^2 = e^s, and its slope in s."""
-        return np.full_like(omega, -s), np.full_like(omega, -1.0)
-
-    def saturated(self, omega: NDArray[np.float64], penalty: float) -> NDArray[np.float64]:  # noqa: ARG002 - as the other goal
-        """Infinite, (k,): every frequency measures mu."""
-        return np.full_like(omega, np.inf)
-
-    def attained(
-        self, level: NDArray[np.float64], omega: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        """Log mu^2 of each frequency, (k,)."""
-        return -level * np.ones_like(omega)
-
-
-Goal = TauGoal | MuGoal
 
 
 @dataclass(frozen=True)
@@ -289,9 +207,7 @@ class LoopObjective:
         omega, cold = samples.omega, near is None
         y = np.zeros((omega.size, self.blocks.n_scales)) if near is None else near.y.copy()
         level, gradient, det = self._sweep(samples, theta, y, self.nu, cold=cold)
-        attained = self.goal.attained(level, omega)
-        value, s = float(attained.max()), float(np.minimum(attained, samples.saturated).max())
-        demand, slope = self.goal.demand(s, omega)
+        value, s, demand, slope, missing = judged(level, omega, samples.saturated, self.goal.terms)
         on_grid = det[: self.omega.size]
         stable = winds_as_stable(on_grid, self.omega)
         stable = stable and (self._restless or ends_at_rest(on_grid))
@@ -306,7 +222,8 @@ class LoopObjective:
             gradient = np.insert(gradient, place, own_gradient, axis=0)
             demand = np.insert(demand, place, np.full(own.size, self.alone.demand))
             slope = np.insert(slope, place, np.zeros(own.size))
-        merit = s + self.penalty * max(float((demand - level).max()), 0.0)
+            missing = max(missing, self.alone.demand - float(own.min()))
+        merit = s + self.penalty * missing
         if not stable:
             value = merit = math.inf
         return Evaluation(theta, value, s, merit, level, gradient, demand, slope, y, peaks)

@@ -27,7 +27,8 @@ from solver.tuning.bounds import gain_signs, search_region
 from solver.tuning.clock import OutOfTimeError
 from solver.tuning.demand_checks import outcomes, planes
 from solver.tuning.exact import WEAKEST, Candidate, ExactDescent
-from solver.tuning.objective import Evaluation, Goal, LoopObjective, MuGoal, TauGoal
+from solver.tuning.goals import MuGoal, TauGoal
+from solver.tuning.objective import Evaluation, LoopObjective
 from solver.tuning.phases import Phases
 from solver.tuning.specification import ControllerKind, Objective, Specification
 
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from solver.tuning.goals import Goal
     from solver.tuning.groupings import Groups
 
 __all__ = ["Freedom", "GroupingSearch", "Optimum"]

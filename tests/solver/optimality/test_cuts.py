@@ -20,7 +20,8 @@ from solver.optimality.cuts import NU, cuts
 from solver.optimality.infeasibility import least_weights
 from solver.optimality.samples import samples
 from solver.optimality.settings_box import weighted
-from solver.tuning.objective import FORBIDDEN, LoopObjective, TauGoal
+from solver.tuning.goals import TauGoal
+from solver.tuning.objective import FORBIDDEN, LoopObjective
 from solver.tuning.search import Freedom, GroupingSearch
 from solver.tuning.specification import ControllerKind, Specification
 

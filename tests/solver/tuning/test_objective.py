@@ -8,7 +8,8 @@ from zoo import SLH, USUAL
 from solver.model.blocks import reduce
 from solver.model.plants import first_order
 from solver.model.weights import Performance
-from solver.tuning.objective import LoopObjective, MuGoal, TauGoal
+from solver.tuning.goals import MuGoal, TauGoal
+from solver.tuning.objective import LoopObjective
 from solver.tuning.specification import ControllerKind
 
 OMEGA = np.geomspace(1e-4, 30, 40)

@@ -1,0 +1,120 @@
+"""Compiled: the quadratic program of a step of the minimax search, and its curvature."""
+
+import numpy as np
+
+from solver.mu.workspace import compiled
+
+__all__ = ["NEAR_ACTIVE", "quadratic", "ranges", "room_planes", "updated"]
+
+CURVATURE_OF_S = 1e-2  # makes the program strictly convex; of no effect as ds goes to 0
+LEAST_CURVATURE = 1e-3  # keeps B regular; the radius, not this, limits the step
+NEAR_ACTIVE = 4.0  # frequencies with more room than this cannot become active in one step
+FARTHEST_S = 3.0  # change of s in one step
+MOST_MISSED = 1e3
+NEVER = -1e30
+
+
+@compiled
+def quadratic(B, penalty):
+    """Hessian (m + 2, m + 2) and gradient (m + 2,) in the step, ds and e."""
+    size = B.shape[0]
+    H, f = np.zeros((size + 2, size + 2)), np.zeros(size + 2)
+    for i in range(size):
+        for j in range(size):
+            H[i, j] = B[i, j]
+        H[i, i] += LEAST_CURVATURE
+    H[size, size] = H[size + 1, size + 1] = CURVATURE_OF_S
+    f[size], f[size + 1] = 1.0, penalty
+    return H, f
+
+
+@compiled
+def room_planes(gradient, room, other, base, slope, A, limits, filled):
+    """Write the planes of one evaluation behind the first `filled` rows of a program.
+
+    Parameters
+    ----------
+    gradient : (k, m)
+        Of that evaluation's levels.
+    room, other : (k,)
+        Level less demand of the present point, and of that evaluation: planes are written where
+        neither has more than `NEAR_ACTIVE`.
+    base : (k,)
+        What the planes have at the present point.
+    slope : (k,)
+        Of the demand in s.
+    A, limits : (rows, m + 2), (rows,)
+        Rows of the program and their upper limits.
+    filled : int
+        How many are written already.
+
+    Returns
+    -------
+    int
+        How many are written now.
+
+    """
+    size = gradient.shape[1]
+    for k in range(room.size):
+        if room[k] < NEAR_ACTIVE and other[k] < NEAR_ACTIVE:
+            for i in range(size):
+                A[filled, i] = -gradient[k, i]
+            A[filled, size] = slope[k]
+            A[filled, size + 1] = -1.0
+            limits[filled] = base[k]
+            filled += 1
+    return filled
+
+
+@compiled
+def ranges(theta, low, high, radius, limits):
+    """Lower and upper bounds of the step, ds and e, and of the rows behind them."""
+    size, rows = theta.size, limits.size
+    lower, upper = np.full(size + 2 + rows, NEVER), np.empty(size + 2 + rows)
+    for i in range(size):
+        lower[i] = max(low[i] - theta[i], -radius)
+        upper[i] = min(high[i] - theta[i], radius)
+    lower[size], upper[size] = -FARTHEST_S, FARTHEST_S
+    lower[size + 1], upper[size + 1] = 0.0, MOST_MISSED
+    upper[size + 2 :] = limits
+    return lower, upper
+
+
+@compiled
+def updated(B, d, multipliers, before, after):
+    """Powell's damped BFGS update (m, m) with the Lagrangian -sum multipliers * level.
+
+    Parameters
+    ----------
+    B, d : (m, m), (m,)
+        Curvature so far, and the step.
+    multipliers : (k,)
+        Of the frequencies.
+    before, after : (k, m)
+        Gradients of the levels.
+
+    """
+    size = d.size
+    change, Bd = np.zeros(size), np.zeros(size)
+    for k in range(multipliers.size):
+        if multipliers[k] != 0.0:
+            for i in range(size):
+                change[i] -= multipliers[k] * (after[k, i] - before[k, i])
+    curvature = inner = 0.0
+    for i in range(size):
+        for j in range(size):
+            Bd[i] += B[i, j] * d[j]
+        curvature += d[i] * Bd[i]
+        inner += d[i] * change[i]
+    found = B.copy()
+    if not curvature > 0.0:
+        return found
+    weight = 1.0
+    if inner < 0.2 * curvature:
+        weight = 0.8 * curvature / (curvature - inner)
+    change = weight * change + (1.0 - weight) * Bd
+    inner = weight * inner + (1.0 - weight) * curvature
+    for i in range(size):
+        for j in range(size):
+            found[i, j] += change[i] * change[j] / inner - Bd[i] * Bd[j] / curvature
+    return found
