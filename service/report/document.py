@@ -25,7 +25,6 @@ from service.schemas import canonical
 from service.tuned import Tuned
 from service.wording import OBJECTIVES, forms, headline, number, optimality_text, peak_rows
 from solver import __version__
-from solver.model.plants import MatrixPlant
 from solver.robustness.margins import Margins, loop_margins
 
 __all__ = ["POLICY", "report_html"]
@@ -84,9 +83,9 @@ def report_html(tuned: Tuned, made_at: datetime, job: str | None = None) -> str:
 
 def _elements(tuned: Tuned) -> list[list[Markup]]:
     plant = tuned.plant
-    if not isinstance(plant, MatrixPlant):
+    if plant.interchangeable:
         return []
-    return [[mathml.transfer_function(each) for each in row] for row in plant.elements_by_row]
+    return [[mathml.transfer_function(each) for each in row] for row in plant.rows]
 
 
 def _margins(tuned: Tuned) -> list[tuple[str, ...]]:

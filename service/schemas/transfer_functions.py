@@ -11,7 +11,7 @@ __all__ = ["function_document", "plant_document"]
 
 
 def plant_document(plant: Plant) -> dict[str, Any]:
-    """Return a plant of the kind parallel or matrix."""
+    """Return a plant of the kind parallel, or else of the kind matrix."""
     if isinstance(plant, ParallelPlant):
         return {
             "kind": "parallel",
@@ -19,7 +19,7 @@ def plant_document(plant: Plant) -> dict[str, Any]:
             "process": function_document(plant.process),
             "interaction": function_document(plant.interaction),
         }
-    rows = [[function_document(element) for element in row] for row in plant.elements_by_row]
+    rows = [[function_document(element) for element in row] for row in plant.rows]
     return {"kind": "matrix", "elements": rows}
 
 

@@ -204,7 +204,7 @@ def _plant(plant: Plant) -> dict[str, Any]:
         }
     return {
         "kind": "matrix",
-        "elements": [[_transfer_function(e) for e in row] for row in plant.elements_by_row],
+        "elements": [[_transfer_function(e) for e in row] for row in plant.rows],
     }
 
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from solver.model.controllers import Controller
-    from solver.model.plants import MatrixPlant, Plant
+    from solver.model.plants import Plant
 
 __all__ = ["MAX_SETTINGS", "Block", "GroupSettings", "blocks", "scale_count", "settings_of"]
 
@@ -89,7 +89,7 @@ def settings_of(
     equal too; on a matrix plant each loop has its own.
     """
     pairs = list(zip(loops, output_scale or (1.0,) * len(loops), strict=True))
-    if isinstance(plant, ParallelPlant):
+    if plant.interchangeable:
         return tuple(GroupSettings(loop, count, e) for (loop, e), count in Counter(pairs).items())
     return tuple(GroupSettings(loop, 1, e) for loop, e in pairs)
 
@@ -144,7 +144,7 @@ def _parallel_blocks(
     )
 
 
-def _matrix_block(plant: MatrixPlant, errors: Sequence[fmpq]) -> Block:
+def _matrix_block(plant: Plant, errors: Sequence[fmpq]) -> Block:
     size = range(plant.n)
     return Block(
         settings=tuple(size),

@@ -44,7 +44,7 @@ from solver.interaction.relative_gain import (
 from solver.interaction.zeros import TransmissionZeros, ZeroMethod, transmission_zeros
 from solver.model.equality import ByValue
 from solver.model.frequencies import corners_of
-from solver.model.plants import MAX_MATRIX_SIZE, MatrixPlant, ParallelPlant, Plant
+from solver.model.plants import MAX_MATRIX_SIZE, ParallelPlant, Plant
 from solver.model.remarks import plant_remarks
 from solver.model.validation import MAX_FREQUENCIES, frequencies, instance
 
@@ -188,7 +188,7 @@ def analyse_interaction(plant: Plant, omega: ArrayLike | None = None) -> Interac
     elif stable:
         controllability = integral_controllability(low.gain)
     nearest = None
-    if isinstance(plant, MatrixPlant) and plant.n > 1 and finite:
+    if not plant.interchangeable and plant.n > 1 and finite:
         nearest = nearest_parallel(plant, omega)
     zeros = transmission_zeros(plant)
     limits = loop_limits(plant, zeros)

@@ -17,7 +17,7 @@ from solver.model.equality import ByValue
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from solver.model.plants import MatrixPlant
+    from solver.model.plants import Plant
 
 __all__ = ["NearestParallel", "nearest_parallel"]
 
@@ -58,12 +58,12 @@ class NearestParallel(ByValue):
     near: bool
 
 
-def nearest_parallel(plant: MatrixPlant, omega: NDArray[np.float64]) -> NearestParallel | None:
+def nearest_parallel(plant: Plant, omega: NDArray[np.float64]) -> NearestParallel | None:
     """Return the nearest parallel plant, or None where a loop has no static gain of its own.
 
     Parameters
     ----------
-    plant : MatrixPlant
+    plant : Plant
         At least two loops, finite static gain.
     omega : (k,)
         Frequencies, rad per time unit.

@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.interaction.zeros import bandwidth_limit
-from solver.model.plants import ParallelPlant
 
 if TYPE_CHECKING:
     from solver.interaction.zeros import TransmissionZeros
     from solver.model.plants import Plant
+    from solver.model.transfer_function import TransferFunction
 
 __all__ = ["LoopLimit", "loop_limits"]
 
@@ -64,12 +64,9 @@ def loop_limits(plant: Plant, zeros: TransmissionZeros) -> tuple[LoopLimit, ...]
     """
     if plant.n == 1:
         return ()
-    if isinstance(plant, ParallelPlant):
-        own = {plant.process: list(range(plant.n))}
-    else:
-        own = {}
-        for unit in range(plant.n):
-            own.setdefault(plant.element(unit, unit), []).append(unit)
+    own: dict[TransferFunction, list[int]] = {}
+    for kind in plant.kinds:
+        own.setdefault(plant.element(kind[0], kind[0]), []).extend(kind)
     found = []
     for element, units in own.items():
         if element.is_zero:

@@ -14,7 +14,7 @@ from solver.limits.search import LimitSearch, least_tau_p
 from solver.model.errors import InvalidInputError
 from solver.model.given import require_fit
 from solver.model.open_loop import require_supported
-from solver.model.plants import ParallelPlant, Plant
+from solver.model.plants import Plant
 from solver.model.validation import instance
 from solver.robustness.centralised import (
     CentralisedAnalysis,
@@ -69,7 +69,7 @@ def multivariable_limit(
     instance(plant, Plant, "/plant")
     require_fit(plant, uncertainty, performance)
     require_supported(plant)
-    if not isinstance(plant, ParallelPlant) and plant.n > MAX_LIMIT_SIZE:
+    if not plant.interchangeable and plant.n > MAX_LIMIT_SIZE:
         message = f"the limit is found for matrix plants up to {MAX_LIMIT_SIZE} units"
         raise InvalidInputError(message, "/plant")
     if performance.unlike_outputs:
@@ -138,7 +138,7 @@ def _analysed(
 ) -> Realised | None:
     """Return the controller and the tau_P it reaches; None if its own peak says otherwise."""
     controller: StateSpace | ModeController = controllers[0]
-    if isinstance(search.plant, ParallelPlant):
+    if search.plant.interchangeable:
         controller = ModeController(controllers[0], controllers[-1])
     tau_p = found.tau_p
     if search.sought:

@@ -13,7 +13,6 @@ so the Gramians are integrals of frequency responses, the dead time exact.
 from __future__ import annotations
 
 import functools
-import itertools
 import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -21,7 +20,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import linalg
 
-from solver.model.plants import ParallelPlant
 from solver.model.state_space import StateSpace
 
 if TYPE_CHECKING:
@@ -97,26 +95,21 @@ def reducible(search: LimitSearch, found: Found) -> list[Reducible]:
 
 def _model(search: LimitSearch, own: YoulaBlock) -> StateSpace:
     """G J of one block in state space, dead times as Pade quotients."""
-    plant = search.plant
     lifted = [own.fast if integrates else None for integrates in own.integrating]
-    if isinstance(plant, ParallelPlant):
-        process = _realised(plant.process, lifted[0])
-        if plant.n == 1:
-            return process
-        factor = plant.n - 1 if own.index == 0 else -1
-        return process.beside(_times(factor, _realised(plant.interaction, lifted[0])))
-    each = np.eye(plant.n)
+    each = np.eye(own.size)
     places = []
-    for row, column in itertools.product(range(plant.n), repeat=2):
-        one = _realised(plant.element(row, column), lifted[column])
-        places.append(
-            StateSpace(
-                one.A,
-                one.B @ each[[column]],
-                each[:, [row]] @ one.C,
-                one.D * np.outer(each[row], each[column]),
-            )
-        )
+    for row, entries in enumerate(search.blocks.terms(own.index)):
+        for column, terms in enumerate(entries):
+            for factor, element in terms:
+                one = _times(factor, _realised(element, lifted[column]))
+                places.append(
+                    StateSpace(
+                        one.A,
+                        one.B @ each[[column]],
+                        each[:, [row]] @ one.C,
+                        one.D * np.outer(each[row], each[column]),
+                    )
+                )
     return functools.reduce(StateSpace.beside, places)
 
 

@@ -18,7 +18,6 @@ import numpy as np
 
 from solver.model.errors import InvalidInputError, UnsupportedPlantError
 from solver.model.frequencies import corners
-from solver.model.plants import ParallelPlant
 from solver.stability.singular import is_singular
 
 if TYPE_CHECKING:
@@ -94,7 +93,7 @@ def youla_blocks(blocks: LoopBlocks, fast: float) -> tuple[YoulaBlock, ...]:
     """
     s = NEAR_ZERO * float(corners(blocks.plant).min()) * np.array([1.0, 0.5])
     return tuple(
-        _youla_block(index, G.real, s, fast, parallel=isinstance(blocks.plant, ParallelPlant))
+        _youla_block(index, G.real, s, fast, parallel=blocks.plant.interchangeable)
         for index, G in enumerate(blocks(s.astype(np.complex128)))
     )
 

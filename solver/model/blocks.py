@@ -8,7 +8,7 @@ scaled problem splits exactly, by permutation symmetry and convexity of the scal
   within the group.
 
 All share one D-scale per group (diagonal uncertainty) or one for all (full-block uncertainty).
-A general matrix plant is a single block. What works with blocks need not know which it was.
+Any other plant is a single block. What works with blocks need not know which it was.
 
 Permitted errors e_i of the outputs, E = diag(e_i), change sigma_max(w_P S) into
 sigma_max(w_P E^-1 S E). E commutes with the controllers and with diagonal uncertainty, so that is
@@ -35,8 +35,9 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from solver.model.controllers import Controller
+    from solver.model.transfer_function import TransferFunction
 
-__all__ = ["Block", "Layout", "LoopBlocks", "group_loops", "reduce"]
+__all__ = ["Block", "Layout", "LoopBlocks", "Term", "group_loops", "reduce"]
 
 
 class Layout(NamedTuple):
@@ -54,6 +55,13 @@ class Layout(NamedTuple):
     channels: NDArray[np.int64]
     scales: NDArray[np.int64]
     first: NDArray[np.int64]
+
+
+class Term(NamedTuple):
+    """A transfer function of the plant, and what it is multiplied by."""
+
+    factor: float
+    element: TransferFunction
 
 
 @dataclass(frozen=True)
@@ -96,8 +104,8 @@ class LoopBlocks:
     n_scales : int
         Number of different D-scales.
     parts : tuple of tuples of int
-        Parallel plant: units that share a controller and a permitted error, group by group; the
-        channels of the first block.
+        Units that each channel of the first block stands for. Parallel plant: those that share a
+        controller and a permitted error, group by group; else each unit alone, in their order.
     output_scale : tuple of float or None
         Permitted error of each output; None: all alike.
 
@@ -144,10 +152,31 @@ class LoopBlocks:
         first = self.blocks[0]
         if self.output_scale is None:
             return np.ones((first.size, first.size))
-        parallel = isinstance(self.plant, ParallelPlant)
-        units = [part[0] for part in self.parts] if parallel else range(self.plant.n)
-        e = np.array([self.output_scale[unit] for unit in units])
+        e = np.array([self.output_scale[part[0]] for part in self.parts])
         return np.asarray(e / e[:, None])
+
+    def terms(self, index: int) -> tuple[tuple[tuple[Term, ...], ...], ...]:
+        """Return what the entries of block `index` are sums of, row by row."""
+        plant = self.plant
+        if not isinstance(plant, ParallelPlant):
+            return tuple(
+                tuple((Term(ratio, element),) for ratio, element in zip(*row, strict=True))
+                for row in zip(self.ratios.tolist(), plant.rows, strict=True)
+            )
+        g, i = plant.process, plant.interaction
+        if index:
+            return (((Term(1.0, g), Term(-1.0, i)),),)
+        sizes = [len(part) for part in self.parts]
+        coupling = np.sqrt(np.outer(sizes, sizes)) * self.ratios
+        return tuple(
+            tuple(
+                (Term(float(coupling[a, b]), i),)
+                if a != b
+                else (Term(1.0, g), *([Term(sizes[a] - 1.0, i)] if sizes[a] > 1 else []))
+                for b in range(len(sizes))
+            )
+            for a in range(len(sizes))
+        )
 
     @cached_property
     def layout(self) -> Layout:
@@ -216,7 +245,7 @@ def reduce(
         channels = tuple(owner[unit] for unit in range(plant.n))
         own = (0,) * plant.n if full else tuple(range(plant.n))
         block = Block(channels, own, 1)
-        return LoopBlocks(plant, partition, (block,), 1 if full else plant.n, partition, scales)
+        return LoopBlocks(plant, partition, (block,), 1 if full else plant.n, plant.kinds, scales)
     split = [_alike(group, scales) for group in partition]
     owners = tuple(index for index, parts in enumerate(split) for _ in parts)
     parts = tuple(itertools.chain.from_iterable(split))

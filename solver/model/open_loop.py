@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.model.errors import UnsupportedPlantError
-from solver.model.plants import ParallelPlant
 
 if TYPE_CHECKING:
     from solver.model.plants import Plant
@@ -25,24 +24,17 @@ def require_supported(plant: Plant) -> None:
         Poles at 0 (integrating processes) are fine.
 
     """
-    for element in plant.elements:
-        poles = element.poles
+    for place in plant.places:
+        poles = place.element.poles
         away = poles[np.abs(poles) > 0]
         # Roots of a polynomial with a double pole carry errors near sqrt(machine epsilon).
         bad = away[away.real > -1e-9 * np.abs(away)]
         if bad.size:
-            if isinstance(plant, ParallelPlant):
-                where = (
-                    "/plant/process/den" if element == plant.process else "/plant/interaction/den"
-                )
-            else:
-                index = plant.elements.index(element)
-                where = f"/plant/elements/{index // plant.n}/{index % plant.n}/den"
             message = (
                 f"the plant is open-loop unstable (pole at {_text(bad[0])}); "
                 "stabilise it with an inner loop first"
             )
-            raise UnsupportedPlantError(message, where)
+            raise UnsupportedPlantError(message, f"/plant{place.pointer}/den")
 
 
 def _text(pole: complex) -> str:

@@ -1,14 +1,16 @@
 """Plants: n identical interacting units (the parallel matrix), or a general square matrix.
 
 The parallel matrix has g(s) on its diagonal and i(s) everywhere else: Skogestad, Lundstrom and
-Hovd (1989), eq. 1.
+Hovd (1989), eq. 1. A plant has that form exactly where any of its units may change places; what
+splits by that symmetry asks for a `ParallelPlant`, everything else for a `Plant`.
 """
 
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -25,18 +27,97 @@ from solver.model.validation import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["MAX_MATRIX_SIZE", "MAX_UNITS", "MatrixPlant", "ParallelPlant", "Plant", "first_order"]
+__all__ = [
+    "MAX_MATRIX_SIZE",
+    "MAX_UNITS",
+    "MatrixPlant",
+    "ParallelPlant",
+    "Place",
+    "Plant",
+    "first_order",
+]
 
 MAX_UNITS = 10_000
 MAX_MATRIX_SIZE = 10
 
 
+class Place(NamedTuple):
+    """Where a plant has an element: in words, and as a JSON pointer within the plant."""
+
+    words: str
+    pointer: str
+    element: TransferFunction
+
+
+class Plant(ABC):
+    """A square plant, one loop a unit: what everything else needs to know of any of them."""
+
+    if TYPE_CHECKING:
+
+        @property
+        def n(self) -> int:
+            """Number of units, and of loops."""
+
+    @property
+    @abstractmethod
+    def interchangeable(self) -> bool:
+        """Whether any two units may change places without any effect."""
+
+    @property
+    @abstractmethod
+    def places(self) -> tuple[Place, ...]:
+        """The different elements, each where the description of the plant has it."""
+
+    @property
+    def elements(self) -> tuple[TransferFunction, ...]:
+        """The elements of `places`."""
+        return tuple(place.element for place in self.places)
+
+    @abstractmethod
+    def element(self, row: int, column: int) -> TransferFunction:
+        """Return the transfer function from input `column` to output `row`."""
+
+    @abstractmethod
+    def part(self, units: Sequence[int]) -> Plant:
+        """Return the plant between the inputs and outputs of `units`, at least one."""
+
+    @abstractmethod
+    def mapped(self, change: Callable[[TransferFunction], TransferFunction]) -> Plant:
+        """Return the plant with every element changed."""
+
+    @property
+    def kinds(self) -> tuple[tuple[int, ...], ...]:
+        """The units, those together that may change places."""
+        units = tuple(range(self.n))
+        return (units,) if self.interchangeable else tuple((unit,) for unit in units)
+
+    @property
+    def rows(self) -> tuple[tuple[TransferFunction, ...], ...]:
+        """All n x n elements, row by row."""
+        size = range(self.n)
+        return tuple(tuple(self.element(row, column) for column in size) for row in size)
+
+    def response(self, omega: ArrayLike) -> NDArray[np.complex128]:
+        """Frequency response at `omega` (k,) > 0, as (k, n, n) complex, in its order."""
+        at, rows = frequencies(omega), self.rows
+        values = {element: element.response(at) for row in rows for element in set(row)}
+        G = np.empty((at.size, self.n, self.n), dtype=complex)
+        for index, row in enumerate(rows):
+            for column, element in enumerate(row):
+                G[:, index, column] = values[element]
+        return G
+
+    def static_gain(self) -> NDArray[np.float64]:
+        """G(0), (n, n); infinite entries for integrating elements."""
+        return np.array([[element.static_gain for element in row] for row in self.rows])
+
+
 @dataclass(frozen=True)
-class ParallelPlant:
+class ParallelPlant(Plant):
     """n identical units, each disturbing every other one alike.
 
     Parameters
@@ -66,25 +147,33 @@ class ParallelPlant:
             raise InvalidInputError(message, "/process/num")
 
     @property
-    def elements(self) -> tuple[TransferFunction, ...]:
-        """The different transfer functions in the plant."""
-        return (self.process, self.interaction) if self.n > 1 else (self.process,)
+    def interchangeable(self) -> bool:
+        """Whether any two units may change places without any effect: always."""
+        return True
+
+    @property
+    def places(self) -> tuple[Place, ...]:
+        """The process and, of two units or more, the interaction."""
+        process = Place("process", "/process", self.process)
+        if self.n == 1:
+            return (process,)
+        return process, Place("interaction", "/interaction", self.interaction)
 
     def element(self, row: int, column: int) -> TransferFunction:
         """Return the transfer function from input `column` to output `row`."""
         return self.process if row == column else self.interaction
 
-    def response(self, omega: ArrayLike) -> NDArray[np.complex128]:
-        """Frequency response at `omega` (k,) > 0, as (k, n, n) complex, in its order."""
-        return _response(self, omega)
+    def part(self, units: Sequence[int]) -> ParallelPlant:
+        """Return the plant between the inputs and outputs of `units`, at least one."""
+        return ParallelPlant(len(units), self.process, self.interaction)
 
-    def static_gain(self) -> NDArray[np.float64]:
-        """G(0), (n, n); infinite entries for integrating elements."""
-        return _static_gain(self)
+    def mapped(self, change: Callable[[TransferFunction], TransferFunction]) -> ParallelPlant:
+        """Return the plant with every element changed."""
+        return ParallelPlant(self.n, change(self.process), change(self.interaction))
 
 
 @dataclass(frozen=True)
-class MatrixPlant:
+class MatrixPlant(Plant):
     """A general square plant, at most `MAX_MATRIX_SIZE` x `MAX_MATRIX_SIZE`.
 
     Parameters
@@ -116,24 +205,35 @@ class MatrixPlant:
         return len(self.elements_by_row)
 
     @property
+    def interchangeable(self) -> bool:
+        """Whether any two units may change places: nothing is said of it, so no."""
+        return False
+
+    @property
+    def places(self) -> tuple[Place, ...]:
+        """All elements, row by row."""
+        return tuple(
+            Place(f"element {row + 1}, {column + 1}", f"/elements/{row}/{column}", element)
+            for row, elements in enumerate(self.elements_by_row)
+            for column, element in enumerate(elements)
+        )
+
+    @property
     def elements(self) -> tuple[TransferFunction, ...]:
-        """The transfer functions in the plant, row by row."""
+        """All elements, row by row."""
         return tuple(element for row in self.elements_by_row for element in row)
 
     def element(self, row: int, column: int) -> TransferFunction:
         """Return the transfer function from input `column` to output `row`."""
         return self.elements_by_row[row][column]
 
-    def response(self, omega: ArrayLike) -> NDArray[np.complex128]:
-        """Frequency response at `omega` (k,) > 0, as (k, n, n) complex, in its order."""
-        return _response(self, omega)
+    def part(self, units: Sequence[int]) -> MatrixPlant:
+        """Return the plant between the inputs and outputs of `units`, at least one."""
+        return MatrixPlant([[self.element(row, column) for column in units] for row in units])
 
-    def static_gain(self) -> NDArray[np.float64]:
-        """G(0), (n, n); infinite entries for integrating elements."""
-        return _static_gain(self)
-
-
-Plant = ParallelPlant | MatrixPlant
+    def mapped(self, change: Callable[[TransferFunction], TransferFunction]) -> MatrixPlant:
+        """Return the plant with every element changed."""
+        return MatrixPlant([[change(element) for element in row] for row in self.elements_by_row])
 
 
 def first_order(
@@ -188,18 +288,3 @@ def first_order(
         process=TransferFunction((gain,), den, dead_time),
         interaction=TransferFunction((gain * interaction,), den, dead_time),
     )
-
-
-def _response(plant: Plant, omega: ArrayLike) -> NDArray[np.complex128]:
-    at = frequencies(omega)
-    values = {element: element.response(at) for element in set(plant.elements)}
-    G = np.empty((at.size, plant.n, plant.n), dtype=complex)
-    for row in range(plant.n):
-        for column in range(plant.n):
-            G[:, row, column] = values[plant.element(row, column)]
-    return G
-
-
-def _static_gain(plant: Plant) -> NDArray[np.float64]:
-    size = range(plant.n)
-    return np.array([[plant.element(row, column).static_gain for column in size] for row in size])

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from solver.model.plants import MatrixPlant, ParallelPlant
-
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -23,11 +21,7 @@ def subsystem(
     An input in manual is constant, so the outputs of the units in service depend on their own
     inputs alone: rows and columns of the others drop out. A parallel plant stays parallel.
     """
-    remaining = tuple(loops[unit] for unit in units)
-    if isinstance(plant, ParallelPlant):
-        return ParallelPlant(len(units), plant.process, plant.interaction), remaining
-    rows = [[plant.element(row, column) for column in units] for row in units]
-    return MatrixPlant(rows), remaining
+    return plant.part(units), tuple(loops[unit] for unit in units)
 
 
 def interchangeable(
@@ -38,8 +32,8 @@ def interchangeable(
     Units of a parallel plant with equal settings and, where given, equal permitted errors; on a
     matrix plant every unit is its own.
     """
-    if not isinstance(plant, ParallelPlant):
-        return tuple((unit,) for unit in range(plant.n))
+    if not plant.interchangeable:
+        return plant.kinds
     groups: dict[tuple[Controller, float | None], list[int]] = {}
     for unit, loop in enumerate(loops):
         error = None if output_scale is None else output_scale[unit]

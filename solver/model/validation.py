@@ -11,6 +11,7 @@ import operator
 from collections.abc import Iterable, Mapping
 from collections.abc import Set as AbstractSet
 from enum import Enum
+from inspect import isabstract
 from numbers import Real
 from types import UnionType
 from typing import TYPE_CHECKING, Any, TypeVar, get_args
@@ -142,9 +143,14 @@ def items(values: Any, field: str) -> tuple[Any, ...]:  # noqa: ANN401 - the sam
 
 
 def instance(value: object, kind: type[_Kind] | UnionType, field: str) -> None:
-    """Refuse what is not of the type `kind`, which may be a union; none of them is None."""
+    """Refuse what is not of the type `kind`, which may be a union; none of them is None.
+
+    In place of an abstract class the message names those of its kinds that stand beside it.
+    """
     if not isinstance(value, kind):
         kinds = get_args(kind) if isinstance(kind, UnionType) else (kind,)
+        if isinstance(kind, type) and isabstract(kind):
+            kinds = tuple(k for k in kind.__subclasses__() if k.__module__ == kind.__module__)
         wanted = " or ".join("None" if each is type(None) else each.__name__ for each in kinds)
         message = f"must be a {wanted}, not {_shown(value)}"
         raise InvalidInputError(message, field)

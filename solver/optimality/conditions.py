@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solver.model.plants import ParallelPlant
 from solver.mu.scaling import sweep
 from solver.optimality.cuts import NU, Cuts, cuts
 from solver.optimality.settings_box import demands, narrow
@@ -148,7 +147,7 @@ def cone(
         rows[2 * j, 2 * j : 2 * j + 2] = 1, -shortest[j]
         rows[2 * j + 1, 2 * j : 2 * j + 2] = -1, longest[j]
     alike = size == 2 and len(groups[0]) == len(groups[1]) and bool((blocks.ratios == 1).all())
-    if alike and isinstance(blocks.plant, ParallelPlant):
+    if alike and blocks.plant.interchangeable:
         rows = np.vstack([rows, [1, 0, -1, 0]])
     return rows
 

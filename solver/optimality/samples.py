@@ -65,10 +65,9 @@ def samples(blocks: LoopBlocks, uncertainty: Uncertainty, s: NDArray[np.complex1
         # The block of the group means has g - i on its diagonal, and i sqrt(m_a m_b) everywhere.
         size = process + (1 + plant.n) * interaction * blocks.ratios.max()
     else:
+        elements = [element for row in plant.rows for element in row]
         ratios = blocks.ratios.ravel()
-        size = np.sqrt(
-            sum(np.abs(e(s) * r) ** 2 for e, r in zip(plant.elements, ratios, strict=True))
-        )
+        size = np.sqrt(sum(np.abs(e(s) * r) ** 2 for e, r in zip(elements, ratios, strict=True)))
     u = np.abs(uncertainty.weight(s)) ** 2
     return Samples(s, blocks.packed_at(s), u, np.asarray(size))
 

@@ -23,7 +23,7 @@ from solver.model.frequencies import corners, grid, low_end, resonances
 from solver.model.given import require_weights
 from solver.model.open_loop import require_supported
 from solver.model.peaks import highest, slices
-from solver.model.plants import MatrixPlant, ParallelPlant, Plant
+from solver.model.plants import MatrixPlant, Plant
 from solver.model.state_space import StateSpace
 from solver.model.validation import instance
 from solver.mu.scaling import upper_bound
@@ -105,9 +105,7 @@ FullController = StateSpace | MatrixPlant | ModeController
 
 def central_blocks(plant: Plant, structure: Structure) -> LoopBlocks:
     """Return the blocks of a plant under a full controller: two modes, or the whole matrix."""
-    if isinstance(plant, ParallelPlant):
-        return reduce(plant, [range(plant.n)], structure)
-    return reduce(plant, [[unit] for unit in range(plant.n)], structure)
+    return reduce(plant, plant.kinds, structure)
 
 
 def best_scales(
@@ -131,7 +129,7 @@ def best_scales(
         Squared scales.
 
     """
-    if not isinstance(blocks.plant, ParallelPlant):
+    if not blocks.plant.interchangeable:
         block = blocks.blocks[0]
         bound = upper_bound(matrices[0], BlockStructure(block.scales, block.size))
         return bound.mu, bound.d**2
@@ -379,7 +377,7 @@ def _paired(
     plant: Plant, uncertainty: Uncertainty, controller: FullController
 ) -> tuple[LoopBlocks, tuple[StateSpace | MatrixPlant, ...]]:
     if isinstance(controller, ModeController):
-        if not isinstance(plant, ParallelPlant):
+        if not plant.interchangeable:
             message = "a mode controller is for a parallel plant"
             raise InvalidInputError(message, "/controller")
         both = (controller.total, controller.difference)
@@ -389,10 +387,8 @@ def _paired(
     if size not in (plant.n, (plant.n, plant.n)):
         message = f"the controller must be {plant.n} x {plant.n}"
         raise InvalidInputError(message, "/controller")
-    if isinstance(plant, ParallelPlant):
-        units = range(plant.n)
-        plant = MatrixPlant([[plant.element(row, column) for column in units] for row in units])
-    return central_blocks(plant, uncertainty.structure), (controller,)
+    matrix = MatrixPlant(plant.rows)
+    return central_blocks(matrix, uncertainty.structure), (controller,)
 
 
 def _poles(controller: StateSpace | MatrixPlant) -> NDArray[np.complex128]:
@@ -408,18 +404,16 @@ def _feedthrough(blocks: LoopBlocks, index: int) -> tuple[NDArray[np.float64], N
         passes = not (element.relative_degree or element.is_zero)
         return element.num[0] / element.den[0] * (passes and delayed == (element.dead_time > 0))
 
-    plant = blocks.plant
-    parts = []
-    for delayed in (False, True):
-        if isinstance(plant, ParallelPlant):
-            own = part(plant.process, delayed=delayed)
-            other = part(plant.interaction, delayed=delayed) if plant.n > 1 else 0.0
-            factor = plant.n - 1 if index == 0 else -1
-            parts.append(np.array([[own + factor * other]]))
-        else:
-            rows = [[part(e, delayed=delayed) for e in row] for row in plant.elements_by_row]
-            parts.append(np.array(rows))
-    return parts[0], parts[1]
+    at_once, delayed = (
+        np.array(
+            [
+                [sum(f * part(e, delayed=delayed) for f, e in terms) for terms in row]
+                for row in blocks.terms(index)
+            ]
+        )
+        for delayed in (False, True)
+    )
+    return at_once, delayed
 
 
 def _high_frequency_gain(controller: StateSpace | MatrixPlant) -> NDArray[np.float64]:

@@ -355,7 +355,7 @@ def _detuned(
         factor[row, units] = list(itertools.chain.from_iterable(choice))
     factor = factor[factor.any(axis=1)]
     controllers, counts = tuple(loops), factor
-    if isinstance(plant, ParallelPlant):
+    if plant.interchangeable:
         controllers = tuple(
             replace(loop, gain=loop.gain * level)
             for loop in (loops[group[0]] for group in groups)

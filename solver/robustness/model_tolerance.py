@@ -193,7 +193,7 @@ def _parameters(
     """Yield each parameter, and the plant with that parameter times a factor."""
     changes = (("gain", _gain), ("time_constant", _time_constant), ("dead_time", _dead_time))
     alone = 0
-    if isinstance(plant, MatrixPlant):
+    if not plant.interchangeable:
         alone = 3 if plant.n <= MAX_FULLY else int(plant.n <= MAX_BY_GAIN)
         units = range(plant.n)
         for place in itertools.product(units, units):
@@ -212,17 +212,11 @@ def _coupled(plant: ParallelPlant, factor: float) -> ParallelPlant:
 
 
 def _mapped(plant: Plant, change: _Change, factor: float) -> Plant:
-    if isinstance(plant, ParallelPlant):
-        return ParallelPlant(
-            plant.n, change(plant.process, factor), change(plant.interaction, factor)
-        )
-    return MatrixPlant([[change(e, factor) for e in row] for row in plant.elements_by_row])
+    return plant.mapped(lambda element: change(element, factor))
 
 
-def _replaced(
-    plant: MatrixPlant, place: tuple[int, int], change: _Change, factor: float
-) -> MatrixPlant:
-    rows = [list(elements) for elements in plant.elements_by_row]
+def _replaced(plant: Plant, place: tuple[int, int], change: _Change, factor: float) -> MatrixPlant:
+    rows = [list(elements) for elements in plant.rows]
     row, column = place
     rows[row][column] = change(rows[row][column], factor)
     return MatrixPlant(rows)

@@ -10,7 +10,6 @@ import numpy as np
 from solver.model.blocks import reduce
 from solver.model.memory import batch_length
 from solver.model.peaks import Peak, zoom
-from solver.model.plants import MatrixPlant, ParallelPlant
 from solver.mu.kernel import FINE
 from solver.mu.scaling import sweep
 from solver.robustness.block_bounds import greatest_bound, interconnections
@@ -19,7 +18,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from solver.model.blocks import LoopBlocks
-    from solver.model.plants import Plant
     from solver.model.weights import Performance, Uncertainty
     from solver.robustness.subsets import Subsets
 
@@ -76,7 +74,7 @@ def peaks(
 
 def _families(subsets: Subsets) -> list[NDArray[np.intp]]:
     """Return the indices of subsets whose loops fall into blocks of equal layout."""
-    if isinstance(subsets.plant, ParallelPlant):
+    if subsets.plant.interchangeable:
         keys = np.minimum(subsets.counts, 2)
         used_first = np.argsort(keys == 0, axis=1, kind="stable")
         keys = np.take_along_axis(keys, used_first, axis=1)
@@ -88,7 +86,7 @@ def _families(subsets: Subsets) -> list[NDArray[np.intp]]:
 
 @dataclass(frozen=True)
 class _Family:
-    """Subsets whose blocks have equal layout, and what is asked of them.
+    """Subsets whose blocks have equal layout, with uncertainty and performance weights.
 
     `channels` and `counts` (members, m): the controllers of the first block, and their units.
     `blocks`: the blocks of one of them.
@@ -116,7 +114,7 @@ class _Family:
         channels = np.nonzero(counts)[1].reshape(members.size, -1)
         counts = np.take_along_axis(counts, channels, axis=1)
         plant = subsets.plant
-        if isinstance(plant, ParallelPlant):
+        if plant.interchangeable:
             # Two units stand for any larger number: the layout is the same.
             sizes = np.minimum(counts[0], 2).astype(int)
             ends = np.cumsum(sizes)
@@ -124,12 +122,11 @@ class _Family:
                 range(end - size, end)
                 for end, size in zip(ends.tolist(), sizes.tolist(), strict=True)
             ]
-            sample: Plant = ParallelPlant(int(ends[-1]), plant.process, plant.interaction)
+            units = range(int(ends[-1]))
         else:
             units = channels[0].tolist()
             groups = [range(row, row + 1) for row in range(len(units))]
-            sample = MatrixPlant([[plant.element(row, col) for col in units] for row in units])
-        blocks = reduce(sample, groups, uncertainty.structure)
+        blocks = reduce(plant.part(units), groups, uncertainty.structure)
         return cls(subsets, channels, counts, blocks, uncertainty, performance, errors)
 
     def peak_frequencies(

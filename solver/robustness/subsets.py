@@ -1,7 +1,7 @@
 """Many subsets of one plant's loops at once: their responses and their stability.
 
 A subset is known by how many units each controller runs (parallel plant), or by which loops are
-in service (matrix plant). Plant and controllers are evaluated once for all subsets.
+in service (any other). Plant and controllers are evaluated once for all subsets.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from solver.model.plants import ParallelPlant
 from solver.stability.closed_loop import INFINITELY_MANY
 from solver.stability.encirclements import Batch, count_unstable
 from solver.stability.neutral import direct_gain, neutral_gain
-from solver.stability.singular import matrix_origin_poles, parallel_origin_poles
+from solver.stability.singular import origin_poles
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -79,7 +79,7 @@ class Subsets:
                 for first, counts in zip(range(0, len(self.counts), step), chunks, strict=True)
             ]
         )
-        if isinstance(self.plant, ParallelPlant):
+        if self.plant.interchangeable:
             # m units under one controller have m - 1 equal modes of their differences.
             alike = np.maximum(self.counts - 1, 0).astype(int)
             used = np.asarray(alike.any(axis=0))
@@ -98,10 +98,7 @@ class Subsets:
 
         None where a loop lacks integral action: that loop may hold what the others cannot.
         """
-        if isinstance(self.plant, ParallelPlant):
-            count = parallel_origin_poles(self.plant, self.counts.sum(axis=1).astype(np.int64))
-        else:
-            count = matrix_origin_poles(self.plant, self.counts > 0)
+        count = origin_poles(self.plant, self.counts)
         return np.where((self.counts[:, ~self._integrating] > 0).any(axis=1), 0, count)
 
     @property
@@ -138,7 +135,7 @@ class Subsets:
             Units that each runs (parallel plant).
 
         """
-        if not isinstance(self.plant, ParallelPlant):
+        if not self.plant.interchangeable:
             P = self.plant.response(omega)
             rows = np.arange(omega.size)[:, None, None]
             return np.asarray(P[rows, channels[:, :, None], channels[:, None, :]])
@@ -164,7 +161,7 @@ class Subsets:
 
         def loop_gain(omega: NDArray[np.float64]) -> NDArray[np.complex128]:
             c = self.controller_response(omega)[:, None, None, :]
-            if not isinstance(self.plant, ParallelPlant):
+            if not self.plant.interchangeable:
                 return np.asarray(self.plant.response(omega)[:, None] * (c * counts[:, None, :]))
             difference, interaction = (mode[:, None, None, None] for mode in self.modes(omega))
             root = np.sqrt(counts)

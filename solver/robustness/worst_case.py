@@ -20,7 +20,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.model.blocks import reduce
-from solver.model.plants import ParallelPlant
 from solver.model.transfer_function import MAX_ORDER, TransferFunction
 from solver.model.weights import Structure
 from solver.mu.lower_bound import LowerBound, lower_bound
@@ -192,24 +191,20 @@ def _attained(  # noqa: PLR0917 - as its two callers have them
     scales: NDArray[np.float64],
 ) -> _Attained:
     full = uncertainty.structure is Structure.FULL
-    # A part of a parallel plant has a D-scale of its own, and one of the controllers.
     halves = [(half, part) for part, units in enumerate(blocks.parts) for half in _split(units)]
     split = reduce(
         blocks.plant, [half for half, _ in halves], uncertainty.structure, blocks.output_scale
     )
-    # Half and part of each channel: of a matrix plant they stand in the order of the units.
     channels = [halves[channel] for channel in split.blocks[0].channels]
     size = len(channels)
-    parallel = isinstance(blocks.plant, ParallelPlant)
-    group = blocks.blocks[0].channels if parallel else range(len(blocks.groups))
+    group = blocks.blocks[0].channels
     N = interconnection(
         split.response(omega)[0],
         np.stack([controllers[group[part]].response(omega) for _, part in channels], axis=1),
         _rational(uncertainty.weight).response(omega),
         performance.weight.response(omega),
     )
-    # A parallel plant has one scale a part, a matrix plant one a unit, a full block one in all.
-    owner = [0] if full else [part if parallel else half[0] for half, part in channels]
+    owner = [0] if full else [part for _, part in channels]
     structure = BlockStructure((0,) * size if full else tuple(range(size)), size)
     d = scales[:, owner]
     return _Attained([half for half, _ in channels], N, structure, d, lower_bound(N, structure, d))

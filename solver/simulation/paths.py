@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from solver.model.errors import InvalidInputError
-from solver.model.plants import ParallelPlant
 
 if TYPE_CHECKING:
     from collections.abc import Hashable, Sequence
@@ -57,13 +56,13 @@ class Paths:
         """Return the transfer functions from kind `column` to kind `row`, with their weights."""
         if column in self.resting:
             return []
-        if not isinstance(self.plant, ParallelPlant):
-            return [(self.plant.element(row, column), 1.0)]
-        count = len(self.units[column])
+        unit, *others = self.units[column]
         if row != column:
-            return [(self.plant.interaction, float(count))]
-        own = [(self.plant.process, 1.0)]
-        return own if count == 1 else [*own, (self.plant.interaction, float(count - 1))]
+            return [(self.plant.element(self.units[row][0], unit), 1.0 + len(others))]
+        own = [(self.plant.element(unit, unit), 1.0)]
+        if not others:
+            return own
+        return [*own, (self.plant.element(unit, others[0]), float(len(others)))]
 
 
 def alike(plant: Plant, characters: Sequence[Hashable]) -> Paths:
@@ -75,8 +74,8 @@ def alike(plant: Plant, characters: Sequence[Hashable]) -> Paths:
         More than `MAX_KINDS` kinds of units.
 
     """
-    if not isinstance(plant, ParallelPlant):
-        return Paths(plant, tuple((unit,) for unit in range(plant.n)))
+    if not plant.interchangeable:
+        return Paths(plant, plant.kinds)
     kinds: dict[Hashable, list[int]] = {}
     for unit, character in enumerate(characters):
         kinds.setdefault(character, []).append(unit)

@@ -15,10 +15,9 @@ import numpy as np
 from solver.model.blocks import group_loops
 from solver.model.frequencies import corners, finite_reach, resonances
 from solver.model.open_loop import require_supported
-from solver.model.plants import ParallelPlant
 from solver.stability.encirclements import Batch, count_unstable
 from solver.stability.neutral import direct_gain, neutral_gain
-from solver.stability.singular import matrix_origin_poles, parallel_lost_directions
+from solver.stability.singular import lost_directions
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -102,12 +101,11 @@ def closed_loop_poles(plant: Plant, loops: Sequence[Controller]) -> ClosedLoopPo
     integrating = np.array([controller.integral_time is not None for controller in controllers])
     lost = [0] * len(blocks.blocks)
     if integrating.all():  # else the loops without integral action may hold what the others cannot
-        lost = _lost_directions(blocks)
+        lost = lost_directions(blocks)
     multiplicities = [block.multiplicity for block in blocks.blocks]
     at_origin = sum(m * count for m, count in zip(multiplicities, lost, strict=True))
-    acting, counts = loops, np.ones((1, plant.n))
-    if isinstance(plant, ParallelPlant):
-        acting, counts = controllers, np.array([[float(len(group)) for group in blocks.groups]])
+    acting = [controllers[channel] for channel in blocks.blocks[0].channels]
+    counts = np.array([[float(len(part)) for part in blocks.parts]])
     if neutral_gain(plant, acting, counts)[0] >= 1:
         return ClosedLoopPoles(INFINITELY_MANY, at_origin)
     means, differences = direct_gain(plant, acting, counts)
@@ -124,17 +122,6 @@ def closed_loop_poles(plant: Plant, loops: Sequence[Controller]) -> ClosedLoopPo
         )  # fmt: skip
         total += block.multiplicity * int(count_unstable(batch)[0])
     return ClosedLoopPoles(total, at_origin)
-
-
-def _lost_directions(blocks: LoopBlocks) -> list[int]:
-    """Return how many directions of the static gain each block lacks."""
-    plant = blocks.plant
-    if not isinstance(plant, ParallelPlant):
-        return [int(matrix_origin_poles(plant, np.ones((1, plant.n), dtype=bool))[0])]
-    lost_sum, lost_difference = parallel_lost_directions(plant, np.array([plant.n]))
-    difference = int(lost_difference)
-    means = int(lost_sum[0]) + (len(blocks.groups) - 1) * difference
-    return [means, *[difference] * (len(blocks.blocks) - 1)]
 
 
 def _loop_gain(

@@ -57,42 +57,31 @@ def neutral_gain(
     times = {e.dead_time for e in plant.elements if _feedthrough(e)}
     means, differences = direct_gain(plant, controllers, counts)
     lost = np.linalg.det(np.eye(means.shape[1]) + means) == 0
-    if isinstance(plant, ParallelPlant):
-        lost = lost | ((counts > 1) & (1 + differences == 0)).any(axis=1)
+    lost = lost | ((counts > 1) & (1 + differences == 0)).any(axis=1)
     if lost.any() or not any(times):
         return np.where(lost, np.inf, 0.0)
-    c = np.array([_high_frequency_gain(controller) for controller in controllers])
-    if not isinstance(plant, ParallelPlant):
-        n = range(plant.n)
-        D = {
-            time: np.array([[_at(plant.element(r, k), time) for k in n] for r in n]) * c
-            for time in times
-        }
-        return _radius({time: D[time] * counts[:, None, :] for time in times})
-    own = {time: _at(plant.process, time) for time in times}
-    other = {time: _at(plant.interaction, time) if plant.n > 1 else 0.0 for time in times}
-    root = np.sqrt(counts)
-    coupling = root[:, :, None] * root[:, None, :]
-    used = np.eye(c.size) * (counts > 0)[:, None, :]
-    found = _radius({t: ((own[t] - other[t]) * used + other[t] * coupling) * c for t in times})
-    apart = _radius({t: ((own[t] - other[t]) * c)[:, None, None] for t in times})
+    gains = {time: direct_gain(plant, controllers, counts, time) for time in times}
+    found = _radius({time: mean for time, (mean, _) in gains.items()})
+    apart = _radius({time: apart[:, None, None] for time, (_, apart) in gains.items()})
     return np.asarray(np.maximum(found, np.max(np.where(counts > 1, apart, 0.0), axis=1)))
 
 
 def direct_gain(
-    plant: Plant, controllers: Sequence[Controller], counts: NDArray[np.float64]
+    plant: Plant,
+    controllers: Sequence[Controller],
+    counts: NDArray[np.float64],
+    time: float = 0.0,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return D_0, what the loops pass on at once, (loops, m, m), and that of each difference, (m,).
+    """Return what loops pass on after just that `time`, (loops, m, m), and differences, (m,).
 
     Parameters: as for `neutral_gain`; the differences between units of a parallel plant under one
-    controller, for a matrix plant zero.
+    controller, for any other plant zero.
     """
     c = np.array([_high_frequency_gain(controller) for controller in controllers])
     if not isinstance(plant, ParallelPlant):
-        n = range(plant.n)
-        D = np.array([[_at(plant.element(r, k), 0.0) for k in n] for r in n]) * c
+        D = np.array([[_at(element, time) for element in row] for row in plant.rows]) * c
         return np.asarray(D * counts[:, None, :]), np.zeros(c.size)
-    own, other = _at(plant.process, 0.0), _at(plant.interaction, 0.0) if plant.n > 1 else 0.0
+    own, other = _at(plant.process, time), _at(plant.interaction, time) if plant.n > 1 else 0.0
     root = np.sqrt(counts)
     used = np.eye(c.size) * (counts > 0)[:, None, :]
     means = ((own - other) * used + other * (root[:, :, None] * root[:, None, :])) * c

@@ -11,19 +11,21 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 
+from solver.model.plants import ParallelPlant
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from solver.model.plants import MatrixPlant, ParallelPlant
+    from solver.model.blocks import LoopBlocks
+    from solver.model.plants import Plant
 
 __all__ = [
     "SINGULAR_CONDITION",
     "equilibrate",
     "has_empty_line",
     "is_singular",
-    "matrix_origin_poles",
-    "parallel_lost_directions",
-    "parallel_origin_poles",
+    "lost_directions",
+    "origin_poles",
 ]
 
 # Elements of the relative gain array grow with the condition number of the equilibrated gain;
@@ -40,16 +42,36 @@ def is_singular(matrix: NDArray[np.inexact[Any]]) -> bool:
     return bool(np.linalg.cond(equilibrate(matrix)) > SINGULAR_CONDITION)
 
 
-def parallel_origin_poles(plant: ParallelPlant, units: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Count the closed-loop poles at s = 0 with that many `units` in service, (k,).
+def origin_poles(plant: Plant, counts: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Count the closed-loop poles at s = 0 of several sets of loops with integral action, (k,).
 
-    Parameters: as for `parallel_lost_directions`.
+    Parameters
+    ----------
+    plant : Plant
+        The plant with all its units.
+    counts : (k, controllers)
+        Parallel plant: units that each controller runs. Any other: 0 for a loop in manual.
+
     """
-    lost_sum, lost_difference = parallel_lost_directions(plant, units)
+    if not isinstance(plant, ParallelPlant):
+        return _matrix_origin_poles(plant, counts > 0)
+    units = counts.sum(axis=1).astype(np.int64)
+    lost_sum, lost_difference = _parallel_lost_directions(plant, units)
     return np.asarray(lost_sum + (units - 1) * int(lost_difference))
 
 
-def parallel_lost_directions(
+def lost_directions(blocks: LoopBlocks) -> list[int]:
+    """Return how many directions of the static gain each block lacks."""
+    plant = blocks.plant
+    if not isinstance(plant, ParallelPlant):
+        return [int(origin_poles(plant, np.ones((1, plant.n)))[0])]
+    lost_sum, lost_difference = _parallel_lost_directions(plant, np.array([plant.n]))
+    difference = int(lost_difference)
+    means = int(lost_sum[0]) + (len(blocks.groups) - 1) * difference
+    return [means, *[difference] * (len(blocks.blocks) - 1)]
+
+
+def _parallel_lost_directions(
     plant: ParallelPlant, units: NDArray[np.int64]
 ) -> tuple[NDArray[np.bool_], bool]:
     """Whether the sum of that many `units` has no static gain, (k,), and whether differences have.
@@ -75,7 +97,7 @@ def parallel_lost_directions(
     return lost_sum, abs(own - other) * SINGULAR_CONDITION <= abs(own) + abs(other)
 
 
-def matrix_origin_poles(plant: MatrixPlant, in_service: NDArray[np.bool_]) -> NDArray[np.int64]:
+def _matrix_origin_poles(plant: Plant, in_service: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Count the closed-loop poles at s = 0 with those loops `in_service` (k, n), (k,).
 
     Integrating plants are not looked at: none are counted.

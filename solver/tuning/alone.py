@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.model.frequencies import corners
-from solver.model.plants import ParallelPlant
 from solver.tuning.loop_levels import responses, winds_as_stable
 
 if TYPE_CHECKING:
@@ -53,7 +52,7 @@ class LoopsAlone:
         bends = corners(plant)
         low, high = bends[0] / BEYOND, bends[-1] * BEYOND
         omega = np.geomspace(low, high, math.ceil(PER_DECADE * math.log10(high / low)))
-        own = [group[:1] if isinstance(plant, ParallelPlant) else group for group in groups]
+        own = [group[:1] if plant.interchangeable else group for group in groups]
         pairs = [(owner, unit) for owner, units in enumerate(own) for unit in units]
         g = np.stack([plant.element(unit, unit).response(omega) for _, unit in pairs], axis=1)
         demand = -2 * math.log(max_sensitivity * (1 - MARGIN))

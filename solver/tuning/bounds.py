@@ -16,7 +16,6 @@ import numpy as np
 
 from solver.model.blocks import reduce
 from solver.model.frequencies import corners
-from solver.model.plants import ParallelPlant
 from solver.model.transfer_function import LARGEST
 from solver.tuning.minimax import Box
 
@@ -121,8 +120,7 @@ def _permitted_crossover(specification: Specification, omega: NDArray[np.float64
     permitted = float(omega[too_uncertain][0]) if too_uncertain.any() else float(omega[-1]) / 10
     plant = specification.plant
     # What comes late from other units keeps no loop from being fast.
-    units = [0] if isinstance(plant, ParallelPlant) else range(plant.n)
-    delay = max(plant.element(unit, unit).dead_time for unit in units)
+    delay = max(plant.element(units[0], units[0]).dead_time for units in plant.kinds)
     return min(permitted, 1 / delay) if delay > 0 else permitted
 
 

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.model.frequencies import corners_of
-from solver.model.plants import ParallelPlant
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -55,7 +54,7 @@ def output_units_warning(plant: Plant, performance: Performance) -> str | None:
     None too where the demand tells the permitted errors of the outputs.
     """
     # Units alike have outputs alike.
-    if isinstance(plant, ParallelPlant) or performance.output_scale is not None:
+    if plant.interchangeable or performance.output_scale is not None:
         return None
     sizes = relative_output_sizes(plant)
     ratio = float(np.nanmax(sizes) / np.nanmin(sizes))

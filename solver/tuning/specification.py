@@ -9,7 +9,7 @@ from enum import StrEnum
 from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError
 from solver.model.given import require_fit
-from solver.model.plants import ParallelPlant, Plant
+from solver.model.plants import Plant
 from solver.model.validation import (
     choice,
     flag,
@@ -201,7 +201,7 @@ class Specification:
     @property
     def interchangeable(self) -> bool:
         """Whether units may change places: those of a parallel plant, unless outputs are unlike."""
-        return isinstance(self.plant, ParallelPlant) and not self.performance.unlike_outputs
+        return self.plant.interchangeable and not self.performance.unlike_outputs
 
     def _settle(self) -> None:
         instance(self.plant, Plant, "/plant")

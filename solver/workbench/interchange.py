@@ -53,10 +53,7 @@ def plant(G: Any, *, dead_time: Any = 0.0) -> Plant:  # noqa: ANN401 - objects o
     2.0
 
     """
-    if isinstance(G, ParallelPlant | MatrixPlant):
-        rows = [[G.element(row, column) for column in range(G.n)] for row in range(G.n)]
-    else:
-        rows = _rows(G)
+    rows = G.rows if isinstance(G, Plant) else _rows(G)
     n = len(rows)
     delays = (
         np.full((n, n), real(dead_time, "/dead_time"))
@@ -110,9 +107,8 @@ def to_control(
         return control.tf(*_controller_polynomials(thing))
     if isinstance(thing, TransferFunction):
         return control.tf(*_polynomials(thing, pade))
-    if isinstance(thing, ParallelPlant | MatrixPlant):
-        size = range(thing.n)
-        parts = [[_polynomials(thing.element(r, c), pade) for c in size] for r in size]
+    if isinstance(thing, Plant):
+        parts = [[_polynomials(element, pade) for element in row] for row in thing.rows]
     else:
         loops = instances(thing, Controller, "")
         none = [0.0], [1.0]
