@@ -72,6 +72,7 @@ CASES = {
     ),
     "one": (first_order(1, 1, 100, 0), (EQUAL,), DIAGONAL, 20),
     "matrix": (matrix_plant(3), (FAST, Controller(10, 50), FAST), DIAGONAL, 30),
+    "matrix, equal loops": (matrix_plant(5), (Controller(10, 50),) * 5, DIAGONAL, 30),
 }
 EXACT = set(CASES) - {"dead time", "matrix"}  # three blocks, or at most two groups
 
