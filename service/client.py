@@ -209,8 +209,15 @@ class Client:
         content = self._send("GET", "/v1/batches").content
         return BatchList.model_validate_json(content).items
 
-    def results(self, batch_id: str) -> Iterator[BatchItem]:
+    def results(self, batch_id: str, *, curves: bool = True) -> Iterator[BatchItem]:
         """Yield the results of a batch in order, each as soon as it is there.
+
+        Parameters
+        ----------
+        batch_id : str
+            The batch.
+        curves : bool
+            Whether they keep their curves over frequency, most of their size.
 
         Raises
         ------
@@ -223,13 +230,42 @@ class Client:
         recovery = _Recovery()
         while start < count:
             with recovery:
-                path = f"/v1/batches/{batch_id}/results?start={start}"
+                path = f"/v1/batches/{batch_id}/results?start={start}&curves={curves}"
                 for line in self._lines(path):
                     recovery.succeeded()
                     start += 1
                     yield BatchItem.model_validate_json(line)
             if start < count:
                 time.sleep(_RETRY)
+
+    def table(self, batch_id: str, *, rows: str = "request", form: str = "cascade") -> str:
+        """Return the results of a batch as comma-separated values, once all have ended.
+
+        Parameters
+        ----------
+        batch_id : str
+            The batch.
+        rows : str
+            ``"request"`` or ``"loop"``: what a row stands for.
+        form : str
+            Form of the settings: ``"cascade"``, ``"ideal"`` or ``"parallel"``.
+
+        Raises
+        ------
+        ServiceUnreachableError
+            The service went away and did not come back within a minute.
+
+        """
+        recovery = _Recovery()
+        finished = False
+        while not finished:
+            with recovery:
+                finished = self._batch(batch_id).status == "finished"
+                recovery.succeeded()
+            if not finished:
+                time.sleep(_RETRY)
+        path = f"/v1/batches/{batch_id}/results?rows={rows}&form={form}"
+        return self._send("GET", path, headers={"Accept": "text/csv"}).text
 
     def _batch(self, batch_id: str) -> Batch:
         return Batch.model_validate_json(self._send("GET", f"/v1/batches/{batch_id}").content)

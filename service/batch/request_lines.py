@@ -12,10 +12,10 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from service.problems import describe
-from service.schemas import Fault, RequestError, canonical, computation, parse_tuning_request
+from service.schemas import Fault, RequestError, computation, parse_tuning_request
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
     from service.schemas import TuningRequest
 
@@ -25,9 +25,9 @@ _MARK = b"\xef\xbb\xbf"
 _COMMENTS = (b"#", b"//")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Item:
-    """A request of a batch.
+    """A request of a batch; a hundred thousand of them fit in memory as text.
 
     Attributes
     ----------
@@ -36,28 +36,40 @@ class Item:
     digest : str
         Of the request as it is computed: equal requests, equal digests, whatever their spelling.
     request : str
-        JSON text of the request with all defaults; empty where the line is at fault.
+        JSON text of what of it has a say in the result, with all defaults; the line itself where
+        that is at fault.
     time_limit : float
         Seconds that it may take.
+    record : mapping
+        What else the request says: title, unit of time, id, labels.
     faults : tuple of Fault
         What is wrong with the line.
     error : str or None
         The same as the JSON text of a problem.
-    fields : dict
-        The request as JSON values.
-    identity : dict
-        What of it comes back with the result.
 
     """
 
     line: int
     digest: str
-    request: str = ""
+    request: str
     time_limit: float = 0.0
+    record: Mapping[str, Any] = field(default_factory=dict)
     faults: tuple[Fault, ...] = ()
     error: str | None = None
-    fields: dict[str, Any] = field(default_factory=dict, compare=False, repr=False)
-    identity: dict[str, Any] = field(default_factory=dict, compare=False, repr=False)
+
+    @property
+    def fields(self) -> dict[str, Any]:
+        """The request as JSON values; what there is of one that is at fault."""
+        try:
+            value = json.loads(self.request)
+        except ValueError:
+            return {}
+        return value | dict(self.record) if isinstance(value, dict) else {}
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """What of the request comes back with the result."""
+        return {name: self.record[name] for name in ("id", "labels") if name in self.record}
 
 
 def read_items(content: bytes) -> list[Item]:
@@ -88,16 +100,11 @@ def _item(number: int, line: bytes) -> Item:
         request = _parsed(line)
     except RequestError as error:
         problem = json.dumps(describe(error))
-        fields = _fields(line)
-        return Item(number, _digest(line), faults=error.faults, error=problem, fields=fields)
+        given = line.decode(errors="replace")
+        return Item(number, _digest(line), given, faults=error.faults, error=problem)
     text = computation(request)
     return Item(
-        number,
-        _digest(text.encode()),
-        text,
-        request.search.time_limit,
-        fields=json.loads(canonical(request)),
-        identity=request.identity(),
+        number, _digest(text.encode()), text, request.search.time_limit, record=request.record()
     )
 
 
@@ -106,15 +113,6 @@ def _parsed(line: bytes) -> TuningRequest:
         message = "a line holds a request and nothing else; JSON knows no comments"
         raise RequestError((Fault("", message),), is_json=False)
     return parse_tuning_request(line)
-
-
-def _fields(line: bytes) -> dict[str, Any]:
-    """Return what a faulty request holds, as far as it is an object at all."""
-    try:
-        value = json.loads(line)
-    except ValueError:
-        return {}
-    return value if isinstance(value, dict) else {}
 
 
 def _digest(content: bytes) -> str:

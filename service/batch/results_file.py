@@ -59,7 +59,7 @@ class ResultsFile:
         """Indices of the requests whose results are kept."""
         return self._done
 
-    def add(self, index: int, content: str) -> None:
+    def add(self, index: int, content: str, kind: str) -> None:
         """Keep the result of a request.
 
         Parameters
@@ -68,10 +68,12 @@ class ResultsFile:
             Its place in the batch.
         content : str
             Members of its JSON object, as ``"result": {...}``.
+        kind : str
+            Status of the result, or ``"error"``.
 
         """
         line = (_start(index, self._items[index]) + content + "}\n").encode()
-        self._count(index, json.loads(line))
+        self._count(index, kind)
         if self._output is not None and index == self._written:
             self._append(line)
             self._catch_up()
@@ -87,25 +89,34 @@ class ResultsFile:
         for index in sorted(self._places):
             yield json.loads(self._line_at(self._places[index]))
 
-    def resume(self, output: bytes, journal: bytes) -> None:
-        """Take over whole lines that an earlier run has left, `journal` without its first one."""
-        for index, line in enumerate(output.splitlines()):
-            self._count(index, json.loads(line))
-        self._written = len(self._done)
+    def resume(self, kinds: Sequence[str], journal: bytes) -> None:
+        """Take over what an earlier run has left.
+
+        Parameters
+        ----------
+        kinds : sequence of str
+            Of the results that the output holds already.
+        journal : bytes
+            Whole lines of the journal, without its first one.
+
+        """
+        for index, kind in enumerate(kinds):
+            self._count(index, kind)
+        self._written = len(kinds)
         place = self._journal.tell() - len(journal)
         for line in journal.splitlines(keepends=True):
             entry = json.loads(line)
             if entry["index"] >= self._written:
                 self._places[entry["index"]] = place
-                self._count(entry["index"], entry)
+                self._count(entry["index"], _kind(entry))
             place += len(line)
         if self._output is not None:
             self._catch_up()
             self._output.flush()
 
-    def _count(self, index: int, entry: Mapping[str, Any]) -> None:
+    def _count(self, index: int, kind: str) -> None:
         self._done.add(index)
-        self.kinds["error" if "error" in entry else entry["result"]["status"]] += 1
+        self.kinds[kind] += 1
 
     def _catch_up(self) -> None:
         while self._written in self._places:
@@ -167,7 +178,7 @@ def _file(path: Path, items: list[Item], finish: Finish | None) -> Iterator[Resu
             message = f"another batch writes to {path}; wait for it, or name another file"
             raise RequestError((Fault("", message),)) from None
         stack.callback(lock.unlink, missing_ok=True)  # while it is held: whoever waits looks again
-        whole = _whole_lines(path, items) if finish is None else b""
+        whole, kinds = _whole_lines(path, items) if finish is None else (0, [])
         journal = stack.enter_context(_journal(beside, items))
         early = journal.read()
         if finish is not None and path.exists():
@@ -176,10 +187,10 @@ def _file(path: Path, items: list[Item], finish: Finish | None) -> Iterator[Resu
         output = None
         if finish is None:
             output = stack.enter_context(path.open("r+b" if whole else "w+b"))
-            output.seek(len(whole))
+            output.seek(whole)
             output.truncate()
         results = ResultsFile(items, journal, output)
-        results.resume(whole, early)
+        results.resume(kinds, early)
         yield results
         if len(results.done) == len(items):
             if finish is not None:
@@ -218,8 +229,8 @@ def _journal(path: Path, items: list[Item]) -> Iterator[IO[bytes]]:
                 path.unlink()
 
 
-def _whole_lines(path: Path, items: Sequence[Item]) -> bytes:
-    """Return the lines of an existing file of results, without one that was not finished.
+def _whole_lines(path: Path, items: Sequence[Item]) -> tuple[int, list[str]]:
+    """Return where the whole lines of an existing file of results end, and the kind of each.
 
     Raises
     ------
@@ -227,24 +238,33 @@ def _whole_lines(path: Path, items: Sequence[Item]) -> bytes:
         The file is not of this batch.
 
     """
+    kinds: list[str] = []
     if not path.exists():
-        return b""
-    content = path.read_bytes()
-    whole = content[: content.rfind(b"\n") + 1]
-    lines = whole.splitlines()
-    for index, line in enumerate(lines):
-        if index >= len(items) or not _belongs(line, index, items[index]):
-            message = f"{path}: line {index + 1} is no result of these requests; name another file"
-            raise RequestError((Fault("", message),))
-    rest, index = content[len(whole) :], len(lines)
+        return 0, kinds
+    end, rest = 0, b""
+    with path.open("rb") as file:
+        for index, line in enumerate(file):
+            if not line.endswith(b"\n"):
+                rest = line
+                break
+            kind = _kind_at(line, index, items[index]) if index < len(items) else None
+            if kind is None:
+                raise _strange(path, index)
+            kinds.append(kind)
+            end += len(line)
+    index = len(kinds)
     start = _start(index, items[index]).encode() if index < len(items) else b""
     # After whole lines of this batch any beginning of the next one is its own; a file that has
     # none must show at least the digest.
-    torn = rest.startswith(start) or (lines and start.startswith(rest))
+    torn = rest.startswith(start) or (kinds and start.startswith(rest))
     if rest and not (start and torn):
-        message = f"{path}: line {index + 1} is no result of these requests; name another file"
-        raise RequestError((Fault("", message),))
-    return whole
+        raise _strange(path, index)
+    return end, kinds
+
+
+def _strange(path: Path, index: int) -> RequestError:
+    message = f"{path}: line {index + 1} is no result of these requests; name another file"
+    return RequestError((Fault("", message),))
 
 
 def _start(index: int, item: Item) -> str:
@@ -252,16 +272,20 @@ def _start(index: int, item: Item) -> str:
     return f'{{"index": {index}, "digest": "{item.digest}", '
 
 
-def _belongs(line: bytes, index: int, item: Item) -> bool:
+def _kind_at(line: bytes, index: int, item: Item) -> str | None:
+    """Return the kind of a result, None where the line is not the result of `item`."""
     try:
         entry = json.loads(line)
-        return bool(
-            entry["index"] == index
-            and entry["digest"] == item.digest
-            and ("result" in entry or "error" in entry)
-        )
+        if (entry["index"], entry["digest"]) == (index, item.digest):
+            return _kind(entry)
     except (ValueError, KeyError, TypeError):
-        return False
+        pass
+    return None
+
+
+def _kind(entry: Mapping[str, Any]) -> str:
+    """Return the status of a result, or ``"error"``."""
+    return "error" if "error" in entry else str(entry["result"]["status"])
 
 
 def _replace(path: Path, write: Callable[[IO[bytes]], None]) -> None:

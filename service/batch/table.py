@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 import io
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import IO, Any
 
@@ -17,8 +18,9 @@ from service.schemas import Fault, RequestError
 from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError
 
-__all__ = ["rows", "writer"]
+__all__ = ["Table", "write_csv", "writer"]
 
+_KEYS = ("digest", "job")  # what else tells an entry from others
 _GENERAL = ("title", "id", "labels")  # said of a request whether or not they differ
 
 
@@ -34,47 +36,55 @@ _SETTINGS = {
 }
 
 
-def rows(
-    items: Sequence[Item],
-    entries: Iterable[Mapping[str, Any]],
-    *,
-    each: Rows = Rows.REQUEST,
-    form: Form = Form.CASCADE,
-) -> Iterator[dict[str, Any]]:
-    """Yield the rows of the table; all have the same columns.
+class Table:
+    """The table of a batch.
 
     Parameters
     ----------
     items : sequence of Item
         The requests.
-    entries : iterable of mapping
-        Results in the order of the requests, as the lines of a file of results.
     each : Rows
         What a row stands for.
     form : Form
         Form of the settings.
 
     """
-    fields = [_flat(item.fields) for item in items]
-    varied = _varied(fields)
-    for entry in entries:
-        index = entry["index"]
-        start: dict[str, Any] = {"line": items[index].line, "digest": entry["digest"]}
-        start |= {name: fields[index].get(name) for name in varied}
-        result = entry.get("result") or {}
-        start |= _found(result, entry.get("error"))
-        loops = result.get("loops") or []
-        if each is Rows.LOOP:
-            for number, loop in enumerate(loops, 1):
-                yield start | {"loop": number} | _settings(loop, form)
-            if not loops:
-                yield start | {"loop": None} | dict.fromkeys(_SETTINGS[form])
-            continue
-        for number, group in enumerate(result.get("groups") or [], 1):
-            settings = _settings(loops[group[0]], form)
-            units = {f"setting_{number}.units": " ".join(str(unit + 1) for unit in group)}
-            start |= units | {f"setting_{number}.{name}": v for name, v in settings.items()}
-        yield start
+
+    def __init__(self, items: Sequence[Item], *, each: Rows, form: Form) -> None:
+        self._items = items
+        self._each = each
+        self._form = form
+        self._varied = _varied(items)
+
+    def rows(self, entries: Iterable[Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
+        """Yield rows.
+
+        Parameters
+        ----------
+        entries : iterable of mapping
+            Results with their place (``index``) in the batch, as the lines of a file of results.
+
+        """
+        for entry in entries:
+            item = self._items[entry["index"]]
+            start: dict[str, Any] = {"line": item.line}
+            start |= {name: entry[name] for name in _KEYS if name in entry}
+            fields = _flat(item.fields)
+            start |= {name: fields.get(name) for name in self._varied}
+            result = entry.get("result") or {}
+            start |= _found(result, entry.get("error"))
+            loops = result.get("loops") or []
+            if self._each is Rows.LOOP:
+                for number, loop in enumerate(loops, 1):
+                    yield start | {"loop": number} | _settings(loop, self._form)
+                if not loops:
+                    yield start | {"loop": None} | dict.fromkeys(_SETTINGS[self._form])
+                continue
+            for number, group in enumerate(result.get("groups") or [], 1):
+                settings = _settings(loops[group[0]], self._form)
+                units = {f"setting_{number}.units": " ".join(str(unit + 1) for unit in group)}
+                start |= units | {f"setting_{number}.{name}": v for name, v in settings.items()}
+            yield start
 
 
 def writer(
@@ -92,14 +102,35 @@ def writer(
         _require_pyarrow()
 
     def write(file: IO[bytes], entries: Iterator[dict[str, Any]]) -> None:
-        table = list(rows(items, entries, each=each, form=form))
-        columns = list(dict.fromkeys(name for row in table for name in row))
+        rows = list(Table(items, each=each, form=form).rows(entries))
         if format_ is TableFormat.PARQUET:
-            _write_parquet(file, table, columns)
+            _write_parquet(file, rows)
         else:
-            _write_csv(file, table, columns)
+            write_csv(file, rows)
 
     return write
+
+
+def write_csv(file: IO[bytes], rows: Sequence[Mapping[str, Any]]) -> None:
+    """Write rows as comma-separated values in UTF-8 under a line of column names."""
+    text = io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=True)
+    sheet = csv.DictWriter(text, _columns(rows))
+    sheet.writeheader()
+    sheet.writerows({name: _cell(value) for name, value in row.items()} for row in rows)
+    text.detach()
+
+
+def _write_parquet(file: IO[bytes], rows: Sequence[Mapping[str, Any]]) -> None:
+    import pyarrow as pa  # noqa: PLC0415 - an extra
+    import pyarrow.parquet as pq  # noqa: PLC0415
+
+    arrays = {name: _column([row.get(name) for row in rows]) for name in _columns(rows)}
+    pq.write_table(pa.table(arrays), file)
+
+
+def _columns(rows: Iterable[Mapping[str, Any]]) -> list[str]:
+    """Return the names of all columns in the order of their first appearance."""
+    return list(dict.fromkeys(name for row in rows for name in row))
 
 
 def _found(result: Mapping[str, Any], error: Mapping[str, Any] | None) -> dict[str, Any]:
@@ -155,23 +186,25 @@ def _flat(value: object, name: str = "") -> dict[str, Any]:
     return {key: leaf for part, each in parts for key, leaf in _flat(each, part).items()}
 
 
-def _varied(fields: Sequence[Mapping[str, Any]]) -> list[str]:
+def _varied(items: Iterable[Item]) -> list[str]:
     """Return the names of the fields that differ, in the order of their first appearance."""
-    names = dict.fromkeys(name for each in fields for name in each)
+    values: dict[str, set[str]] = {}
+    counts: Counter[str] = Counter()
+    requests = 0
+    for item in items:
+        fields = _flat(item.fields)
+        requests += bool(fields)
+        for name, value in fields.items():
+            if value is not None:
+                counts[name] += 1
+                found = values.setdefault(name, set())
+                if len(found) < 2:
+                    found.add(str(value))
     return [
         name
-        for name in names
-        if (name.split(".")[0] in _GENERAL and any(each.get(name) for each in fields))
-        or len({str(each.get(name)) for each in fields if each}) > 1
+        for name, found in values.items()
+        if name.split(".")[0] in _GENERAL or len(found) > 1 or counts[name] < requests
     ]
-
-
-def _write_csv(file: IO[bytes], table: list[dict[str, Any]], columns: Sequence[str]) -> None:
-    text = io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=True)
-    sheet = csv.DictWriter(text, columns)
-    sheet.writeheader()
-    sheet.writerows({name: _cell(value) for name, value in row.items()} for row in table)
-    text.detach()
 
 
 def _cell(value: object) -> object:
@@ -179,14 +212,6 @@ def _cell(value: object) -> object:
     if isinstance(value, str) and value.startswith(("=", "+", "-", "@", "\t")):
         return f"'{value}"
     return value
-
-
-def _write_parquet(file: IO[bytes], table: list[dict[str, Any]], columns: Sequence[str]) -> None:
-    import pyarrow as pa  # noqa: PLC0415 - an extra
-    import pyarrow.parquet as pq  # noqa: PLC0415
-
-    arrays = {name: _column([row.get(name) for row in table]) for name in columns}
-    pq.write_table(pa.table(arrays), file)
 
 
 def _column(values: list[Any]) -> list[Any]:

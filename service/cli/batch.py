@@ -165,13 +165,13 @@ def _run_items(
             with _stops_in_good_order(), _progress(already, len(items)) as advance:
 
                 def settle(index: int, content: str) -> None:
-                    entry = json.loads(f"{{{content}}}")
-                    found, identity = entry.get("result"), items[index].identity
+                    found = json.loads(f"{{{content}}}").get("result")
+                    identity = items[index].identity
                     if found and (identity or not curves):
                         found |= identity | ({} if curves else {"curves": None})
                         content = f'"result": {json.dumps(found)}'
-                    kept.add(index, content)
-                    advance("error" in entry)
+                    kept.add(index, content, found["status"] if found else "error")
+                    advance(found is None)
 
                 asyncio.run(Run(items, kept.done, settle, say).run(scheduler))
         except KeyboardInterrupt:

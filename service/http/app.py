@@ -23,6 +23,7 @@ from service.http.metrics import Metrics
 from service.http.middleware import Compressed, Observed, SecurityHeaders
 from service.http.routes import (
     analyses,
+    batch_results,
     batches,
     controllers,
     examples,
@@ -66,7 +67,7 @@ _TAGS = [
 ]
 
 # Resources that need an API key, where the service has keys, and those that never do.
-_FOR_CALLERS = (tunings, batches, analyses, figures)
+_FOR_CALLERS = (tunings, batches, batch_results, analyses, figures)
 _FOR_EVERYBODY = (controllers, examples, health, page)
 
 

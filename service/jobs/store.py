@@ -208,6 +208,11 @@ class Store:
             for row in rows
         ]
 
+    def batch_requests(self, batch_id: str) -> list[str]:
+        """Return the requests of a batch, in order."""
+        with self._transactions.reading() as connection:
+            return list(connection.scalars(_REQUESTS, {"batch": batch_id}))
+
     def get(self, owner: str, job_id: str) -> Job:
         """Return a job.
 
@@ -392,6 +397,12 @@ _ITEMS = (
     .where(BatchItemRow.position >= bindparam("start"))
     .order_by(BatchItemRow.position)
     .limit(bindparam("count", type_=Integer))
+)
+_REQUESTS = (
+    select(JobRow.request)
+    .join(BatchItemRow, BatchItemRow.job_id == JobRow.id)
+    .where(BatchItemRow.batch_id == bindparam("batch"))
+    .order_by(BatchItemRow.position)
 )
 _MANY = 500  # digests asked for at once
 _KNOWN = select(JobRow.computation, JobRow.result, JobRow.best).where(

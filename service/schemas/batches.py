@@ -110,11 +110,16 @@ def batch_to_json(batch: BatchRecord) -> str:
     )
 
 
-def item_to_json(item: BatchItem) -> str:
+def item_to_json(item: BatchItem, *, curves: bool = True) -> str:
     """Return an ended item as a line of JSON: its index, its job, and result or error."""
     head = f'{{"index":{item.position},"id":"{item.job_id}",'
     outcome = item.outcome
     if outcome.result is not None:
-        return f'{head}"result":{outcome.result}}}\n'
+        result = outcome.result if curves else _without_curves(outcome.result)
+        return f'{head}"result":{result}}}\n'
     error = outcome.error or json.dumps(describe(CancelledError("The tuning was cancelled.")))
     return f'{head}"error":{error}}}\n'
+
+
+def _without_curves(result: str) -> str:
+    return json.dumps(json.loads(result) | {"curves": None}, separators=(",", ":"))

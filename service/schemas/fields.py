@@ -115,6 +115,11 @@ class RecordedRequest(RequestModel):
         given = {"id": self.id, "labels": self.labels}
         return {name: value for name, value in given.items() if value}
 
+    def record(self) -> dict[str, Any]:
+        """Return what has no say in the result: title and unit of time beside the identity."""
+        given = {"title": self.title, "time_unit": self.time_unit}
+        return {name: value for name, value in given.items() if value} | self.identity()
+
 
 class IdentifiedResult(BaseModel):
     """Base of results: the identity that the request gave them."""

@@ -1,5 +1,7 @@
 """Batches over HTTP."""
 
+import csv
+import io
 import json
 from typing import Any
 
@@ -7,6 +9,9 @@ import httpx
 import pytest
 from fake_tune import SLOW, UNSUPPORTED
 from samples import altered, tuning
+
+from service.jobs.records import BatchItem, JobStatus, Outcome
+from service.schemas.batches import item_to_json
 
 PATH = "/v1/batches"
 
@@ -196,3 +201,50 @@ def test_a_known_result_is_taken(client: httpx.Client) -> None:
     batch = client.post("/v1/batches", json={"tunings": [request, tuning(seed=4322)]}).json()
     items = client.get(batch["links"]["results"]).text.splitlines()
     assert [json.loads(item)["result"]["tau_p"] for item in items] == [4321, 4322]
+
+
+def test_results_without_curves(client: httpx.Client) -> None:
+    """All but the curves is as it was."""
+    batch = start(client, tuning(40), tuning(UNSUPPORTED))
+    whole, short = results(client, batch), results(client, batch, "?curves=false")
+    assert short == whole  # the tuner of these tests draws none
+    item = BatchItem(
+        3, "a" * 32, Outcome(JobStatus.SUCCEEDED, '{"tau_p": 0.1, "curves": {"omega": [1]}}')
+    )
+    line = json.loads(item_to_json(item, curves=False))
+    assert line == {"index": 3, "id": "a" * 32, "result": {"tau_p": 0.1, "curves": None}}
+    assert json.loads(item_to_json(item))["result"]["curves"] == {"omega": [1]}
+
+
+def table(client: httpx.Client, batch: dict[str, Any], query: str = "") -> list[dict[str, str]]:
+    """Return the rows of the table of a batch."""
+    response = client.get(batch["links"]["results"] + query, headers={"Accept": "text/csv"})
+    assert response.status_code == 200
+    assert response.headers["content-type"].startswith("text/csv")
+    assert response.headers["vary"] == "Accept"
+    return list(csv.DictReader(io.StringIO(response.text)))
+
+
+def test_results_as_a_table(client: httpx.Client) -> None:
+    """A row a request or a loop: the fields that differ, what was found, what went wrong."""
+    named = [{**tuning(seed), "id": f"R-{seed}"} for seed in (50, 51, UNSUPPORTED)]
+    body = {"tunings": [*named, {"plant": 1}], "on_error": "skip"}
+    batch = client.post(PATH, json=body).json()
+    rows = table(client, batch)
+    assert [row["line"] for row in rows] == ["1", "2", "3", "4"]
+    assert [row["id"] for row in rows] == ["R-50", "R-51", f"R-{UNSUPPORTED}", ""]
+    assert [row["status"] for row in rows] == ["optimal", "optimal", "error", "error"]
+    assert [row["tau_p"] for row in rows] == ["50.0", "51.0", "", ""]
+    assert [row["search.seed"] for row in rows][:2] == ["50", "51"]
+    assert rows[3]["error"]
+    assert rows[0]["job"] == results(client, batch)[0]["id"]
+    assert [row["line"] for row in table(client, batch, "?start=2")] == ["3", "4"]
+    loops = table(client, batch, "?rows=loop&form=parallel")
+    assert [row["loop"] for row in loops] == ["1", "2", "1", "2", "", ""]
+    assert float(loops[0]["proportional_gain"]) != 0
+
+
+def test_a_table_waits_for_the_whole_batch(client: httpx.Client) -> None:
+    """What is asked for right after the start is complete, too."""
+    batch = start(client, tuning(SLOW, starts=20), tuning(60))
+    assert [row["status"] for row in table(client, batch)] == ["optimal", "optimal"]

@@ -161,6 +161,15 @@ def test_results_of_a_batch_come_in_order(mutune: Client) -> None:
     assert items[1].error.detail == "open-loop unstable"
 
 
+def test_results_of_a_batch_as_a_table(mutune: Client) -> None:
+    """Comma-separated values once all have ended, a row a request."""
+    batch = mutune.submit_batch([tuning(seed=SLOW, starts=21), tuning(seed=8010)])
+    lines = mutune.table(batch.id).splitlines()
+    assert lines[0].startswith("line,job,search.seed,")
+    assert [line.split(",")[0] for line in lines] == ["line", "1", "2"]
+    assert [item.index for item in mutune.results(batch.id, curves=False)] == [0, 1]
+
+
 def test_results_outlive_a_restart_of_the_service(client: httpx.Client, mutune: Client) -> None:
     """A stream of results that breaks off is taken up at the next item."""
     batch = mutune.submit_batch([tuning(seed=8006), tuning(seed=8007)])

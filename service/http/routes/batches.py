@@ -5,29 +5,26 @@ from __future__ import annotations
 import asyncio
 import json
 from collections.abc import AsyncIterator, Callable
-from typing import Annotated, Literal
+from typing import Annotated
 
 from fastapi import APIRouter, Path, Query, Request, Response
-from fastapi.responses import StreamingResponse
 
 from service.http import bodies
 from service.http.access import owner
 from service.http.json_stream import ArrayReader
 from service.http.routes.common import BODY_PROBLEMS, described, json_response, problems
 from service.http.routes.tunings import IdempotencyKey, accepting, may_reuse, new_job
-from service.jobs.records import FINAL, NewJob
 from service.jobs.records import Batch as BatchRecord
+from service.jobs.records import NewJob
 from service.problems import BodyTooLargeError, NotFoundError, describe
-from service.schemas.batches import Batch, BatchList, BatchRequest, batch_to_json, item_to_json
+from service.schemas.batches import Batch, BatchList, BatchRequest, batch_to_json
 from service.schemas.parsing import Fault, RequestError, parse_tuning_request
 from solver.model.errors import InvalidInputError
 
-__all__ = ["router"]
+__all__ = ["BatchId", "find_batch", "router"]
 
 router = APIRouter(prefix="/v1/batches", tags=["tunings"])
 
-_LOOK = 0.5  # seconds between looks at what has ended out of turn
-_PAGE = 100  # items read from the database at once
 _MAX_FAULTS = 100  # named at once
 _BREATH = 10  # items parsed before others get their turn: about 2 ms
 
@@ -187,7 +184,7 @@ async def list_batches(
 )
 async def get_batch(request: Request, batch_id: BatchId) -> Response:
     """Return how far a batch is."""
-    return await _batch(request, batch_id, request.app.state.store.get_batch)
+    return json_response(batch_to_json(await find_batch(request, batch_id)))
 
 
 @router.delete(
@@ -201,98 +198,29 @@ async def get_batch(request: Request, batch_id: BatchId) -> Response:
 )
 async def delete_batch(request: Request, batch_id: BatchId) -> Response:
     """Cancel every tuning of a batch that has not ended."""
-    response = await _batch(request, batch_id, request.app.state.store.cancel_batch, 202)
+    batch = await _found(request, batch_id, request.app.state.store.cancel_batch)
     request.app.state.dispatcher.wake()
     request.app.state.watcher.poke()
-    return response
+    return json_response(batch_to_json(batch), 202)
 
 
-@router.get(
-    "/{batch_id}/results",
-    summary="Results of a batch",
-    response_class=StreamingResponse,
-    responses={
-        200: {
-            "description": "A line of JSON for each tuning, in order, as they come: "
-            '`{"index": 0, "id": ..., "result": {...}}` or with "error" for "result".',
-            "content": {"application/x-ndjson": {"schema": {"type": "string"}}},
-        },
-        **problems(404, 422, 503),
-    },
-)
-async def get_results(
-    request: Request,
-    batch_id: BatchId,
-    start: Annotated[
-        int, Query(ge=0, lt=2**31, description="Index of the first line.", examples=[0])
-    ] = 0,
-    order: Annotated[
-        Literal["index", "completion"],
-        Query(description="completion: each as soon as it is there.", examples=["completion"]),
-    ] = "index",
-) -> Response:
-    """Stream the results in order, waiting for those that are not there yet."""
-    await _batch(request, batch_id, request.app.state.store.get_batch)
-    stream = _results if order == "index" else _results_as_they_come
-    return StreamingResponse(
-        stream(request, batch_id, start),
-        media_type="application/x-ndjson",
-        headers={"Cache-Control": "no-store", "X-Accel-Buffering": "no"},
-    )
+async def find_batch(request: Request, batch_id: str) -> BatchRecord:
+    """Return a batch of the caller.
+
+    Raises
+    ------
+    NotFoundError
+        There is none with this id.
+
+    """
+    return await _found(request, batch_id, request.app.state.store.get_batch)
 
 
-async def _results(request: Request, batch_id: str, start: int) -> AsyncIterator[str]:
-    state = request.app.state
-    while not state.watcher.closed:
-        items = await asyncio.to_thread(state.store.batch_items, batch_id, start, _PAGE)
-        if not items:
-            return
-        ended = []
-        for item in items:
-            if item.outcome.status not in FINAL:
-                break
-            ended.append(item_to_json(item))
-        if ended:
-            yield "".join(ended)
-            start += len(ended)
-        else:
-            await state.watcher.wait(items[0].job_id, state.configuration.max_wait)
-
-
-async def _results_as_they_come(request: Request, batch_id: str, start: int) -> AsyncIterator[str]:
-    """Stream what has ended; look again for the rest, which is kept by position alone."""
-    state = request.app.state
-    waiting: set[int] | None = None
-    while waiting is None or waiting:
-        left: set[int] = set()
-        position, end = (start, None) if waiting is None else (min(waiting), max(waiting))
-        last = ""
-        while end is None or position <= end:
-            items = await asyncio.to_thread(state.store.batch_items, batch_id, position, _PAGE)
-            if not items:
-                break
-            for item in items:
-                if waiting is not None and item.position not in waiting:
-                    continue
-                if item.outcome.status in FINAL:
-                    yield item_to_json(item)
-                else:
-                    left.add(item.position)
-                    last = item.job_id
-            position = items[-1].position + 1
-        waiting = left
-        if state.watcher.closed:
-            return
-        if waiting:
-            await state.watcher.wait(last, _LOOK)
-
-
-async def _batch(
-    request: Request, batch_id: str, action: Callable[[str, str], BatchRecord], status: int = 200
-) -> Response:
+async def _found(
+    request: Request, batch_id: str, action: Callable[[str, str], BatchRecord]
+) -> BatchRecord:
     try:
-        batch = await asyncio.to_thread(action, owner(request), batch_id)
+        return await asyncio.to_thread(action, owner(request), batch_id)
     except KeyError:
         message = f"There is no batch {batch_id}."
         raise NotFoundError(message) from None
-    return json_response(batch_to_json(batch), status)
