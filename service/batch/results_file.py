@@ -17,7 +17,7 @@ import os
 import tempfile
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import IO, Any
 
@@ -25,6 +25,7 @@ from filelock import FileLock, Timeout
 
 from service.batch.request_lines import Item, batch_digest
 from service.schemas import Fault, RequestError
+from service.whole_file import replace
 
 __all__ = ["ResultsFile", "opened"]
 
@@ -194,7 +195,7 @@ def _file(path: Path, items: list[Item], finish: Finish | None) -> Iterator[Resu
         yield results
         if len(results.done) == len(items):
             if finish is not None:
-                _replace(path, lambda file: finish(file, results.entries()))
+                replace(path, lambda file: finish(file, results.entries()))
             beside.unlink()
 
 
@@ -286,18 +287,3 @@ def _kind_at(line: bytes, index: int, item: Item) -> str | None:
 def _kind(entry: Mapping[str, Any]) -> str:
     """Return the status of a result, or ``"error"``."""
     return "error" if "error" in entry else str(entry["result"]["status"])
-
-
-def _replace(path: Path, write: Callable[[IO[bytes]], None]) -> None:
-    """Write a file in one piece: it is there whole, or as it was before."""
-    descriptor, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-    try:
-        with os.fdopen(descriptor, "wb") as file:
-            write(file)
-            file.flush()
-            os.fsync(file.fileno())
-        Path(name).replace(path)
-    except BaseException:
-        with suppress(FileNotFoundError):
-            Path(name).unlink()
-        raise

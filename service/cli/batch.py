@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import IO, Any
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -21,9 +22,15 @@ from service.batch.runner import NoWorkersError, Run
 from service.batch.sweep import Variation, expand
 from service.batch.table import writer
 from service.cli.outcomes import ExitCode, read_input, reported, say
-from service.schemas import Fault, RequestError
+from service.schemas import Fault, RequestError, TuningRequest, parse_tuning_request
+from service.trade_off import Collected
+from service.whole_file import replace
+from service.wording import TIME_UNIT
 
 __all__ = ["batch_file", "check_file", "sweep_file"]
+
+Entries = Iterator[dict[str, Any]]
+Through = Callable[[list[Item], Entries], Entries]
 
 _EVERY = 10.0  # seconds between lines of progress where there is no terminal
 
@@ -93,6 +100,7 @@ def sweep_file(
     format_: TableFormat = TableFormat.CSV,
     each: Rows = Rows.REQUEST,
     form: Form = Form.CASCADE,
+    figure: Path | None = None,
 ) -> ExitCode:
     """Tune the request in a file with some of its fields varied.
 
@@ -104,6 +112,8 @@ def sweep_file(
         Fields and values, as ``plant.interaction=0.5:0.99:50``.
     results, scheduler, format_, each, form
         As for `batch_file`.
+    figure : Path or None
+        HTML file to write: the time constants reached over the varied field.
 
     Returns
     -------
@@ -111,18 +121,57 @@ def sweep_file(
         BAD_INPUT where any point ended with an error, else DONE.
 
     """
+    variations = [Variation.of(text) for text in vary]
+    content = read_input(request)
+    finish = None
+    if figure is not None:
+        finish = _drawing(figure, parse_tuning_request(content), variations, format_)
     if results is not None and _same_file(request, results):
         message = f"{results} is the file of the request; name another file for the results"
         raise RequestError((Fault("", message),))
     return _run_items(
-        expand(read_input(request), [Variation.of(text) for text in vary]),
+        expand(content, variations),
         results=results,
         scheduler=scheduler,
         format_=format_,
         each=each,
         form=form,
         curves=False,
+        also=finish,
     )
+
+
+def _drawing(
+    path: Path, request: TuningRequest, variations: list[Variation], format_: TableFormat
+) -> Through:
+    """Return what takes a look at the results on their way into a table, and draws them.
+
+    Raises
+    ------
+    RequestError
+        There is no figure of that.
+
+    """
+    if format_ is TableFormat.NDJSON or request.objective != "tau_p":
+        message = "--figure goes with the objective tau_p and a table: --format csv or parquet"
+        raise RequestError((Fault("", message),))
+    collected = Collected(variations)
+
+    def through(items: list[Item], entries: Entries) -> Entries:
+        for entry in entries:
+            item = items[entry["index"]]
+            if not item.faults:
+                collected.add(item.fields, entry.get("result"))
+            yield entry
+        from service.figures.search import trade_off  # noqa: PLC0415 - imports Plotly
+        from service.figures.style import Theme, template  # noqa: PLC0415
+
+        drawn = trade_off(collected.trade_off(), request.time_unit or TIME_UNIT)
+        drawn.update_layout(template=template(Theme.LIGHT), title=drawn.layout.meta["title"])
+        text = drawn.to_html(include_plotlyjs=True).encode()
+        replace(path, lambda file: file.write(text))
+
+    return through
 
 
 @reported
@@ -156,9 +205,16 @@ def _run_items(
     each: Rows,
     form: Form,
     curves: bool,
+    also: Through | None = None,
 ) -> ExitCode:
-    """Tune the requests; the arguments are those of `batch_file`."""
+    """Tune the requests; the arguments are those of `batch_file`, `also` sees what a table gets."""
     finish = None if format_ is TableFormat.NDJSON else writer(format_, items, each=each, form=form)
+    if finish is not None and also is not None:
+        write = finish
+
+        def finish(file: IO[bytes], entries: Entries) -> None:
+            write(file, also(items, entries))
+
     with opened(results, items, sys.stdout.buffer, finish) as kept:
         already = len(kept.done)
         try:

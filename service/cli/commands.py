@@ -167,6 +167,10 @@ def sweep(
     format_: TableFormatOption = TableFormat.CSV,
     each: RowsOption = Rows.REQUEST,
     form: FormOption = Form.CASCADE,
+    figure: Annotated[
+        Path | None,
+        typer.Option(metavar="FIGURE.html", help="Draw what is reached over the varied field."),
+    ] = None,
 ) -> None:
     """Tune a request with some of its fields varied, on a grid."""
     _begin_processes()
@@ -181,6 +185,7 @@ def sweep(
             format_=format_,
             each=each,
             form=form,
+            figure=figure,
         )
     )
 

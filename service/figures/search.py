@@ -84,26 +84,34 @@ def _settings(index: int, optimum: Optimum, colour: str) -> dict[str, Any]:
     }  # fmt: skip
 
 
+# What is said of the fields that are varied most often, by the last part of their names.
+_FIELDS = {
+    "epsilon": ("uncertainty of the inputs", "relative error ε of the inputs (1)"),
+    "max_peak": ("permitted peak", "permitted peak M of the sensitivity (1)"),
+    "interaction": ("interaction", "interaction a (1)"),
+}
+
+
 def trade_off(sweep: TradeOff, unit: str = TIME_UNIT) -> go.Figure:
-    """Return what is reached over the swept demand, identical settings beside."""
-    names = {
-        "epsilon": ("uncertainty of the inputs", "relative error ε of the inputs (1)"),
-        "max_peak": ("permitted peak", "permitted peak M of the sensitivity (1)"),
-    }
-    title, axis = names[sweep.parameter]
+    """Return what is reached over the swept field, identical settings beside."""
+    last = sweep.parameter.rsplit(".", 1)[-1]
+    title, axis = _FIELDS.get(last, (sweep.parameter, sweep.parameter))
     panels = Panels(
         f"Trade-off: speed against {title}",
         "Closed-loop time constant that can be promised at each point; a gap where no settings "
         "meet the demand.",
     )
-    swept = [point.value for point in sweep.points]
-    markers: dict[str, Any] = {"mode": "lines+markers"}
-    best = [point.tau_p for point in sweep.points]
-    panels.curve(swept, best, "best settings", line(0), **markers)
-    identical = [point.identical for point in sweep.points]
-    if any(value is not None for value in identical):
-        markers |= {"marker": {"symbol": "square"}}
-        panels.curve(swept, identical, "identical settings", IDENTICAL, **markers)
+    curves = dict.fromkeys(point.by for point in sweep.points)
+    for place, by in enumerate(curves):
+        points = [point for point in sweep.points if point.by == by]
+        swept = [point.value for point in points]
+        name = "best settings" if sweep.by is None else f"{sweep.by} = {by}"
+        markers: dict[str, Any] = {"mode": "lines+markers"}
+        panels.curve(swept, [point.tau_p for point in points], name, line(place), **markers)
+        identical = [point.identical for point in points]
+        if sweep.by is None and any(value is not None for value in identical):
+            markers |= {"marker": {"symbol": "square"}}
+            panels.curve(swept, identical, "identical settings", IDENTICAL, **markers)
     panels.x(1, axis)
     panels.y(1, _tau_p(unit), rangemode="tozero")
     return panels.figure()

@@ -82,3 +82,19 @@ def test_the_command_prints_a_table(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     rows = list(csv.DictReader(io.StringIO(result.stdout)))
     assert [row["status"] for row in rows] == ["optimal", "error", "optimal"]
     assert [row["uncertainty.epsilon"] for row in rows] == ["0.1", "-1", "0.2"]
+
+
+@pytest.mark.usefixtures("_fake_tuner")
+def test_the_command_draws_what_it_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One file that opens without network; a form without a table has none."""
+    monkeypatch.setenv("MUTUNE_WORKERS", "1")
+    path, figure = tmp_path / "request.json", tmp_path / "figure.html"
+    path.write_text(json.dumps(tuning(seed=10) | {"time_unit": "min"}))
+    command = ["sweep", str(path), "--vary", "uncertainty.epsilon=0.1,0.2", "--figure", str(figure)]
+    refused = CliRunner().invoke(app, [*command, "--format", "ndjson"])
+    assert (refused.exit_code, figure.exists()) == (2, False)
+    assert "--format csv" in refused.stderr
+    result = CliRunner().invoke(app, command, catch_exceptions=False)
+    assert result.exit_code == 0
+    assert "Trade-off: speed against uncertainty of the inputs" in figure.read_text("utf-8")
+    assert "(min)" in figure.read_text("utf-8")
