@@ -13,7 +13,7 @@ from typing import Any
 from service.schemas.trade_off import TradeOff
 from service.tuned import Tuned
 
-__all__ = ["report", "trade_off", "tuning"]
+__all__ = ["report", "sheet", "trade_off", "tuning"]
 
 
 def tuning(request: str, result: str, unit: str) -> dict[str, Any]:
@@ -23,6 +23,21 @@ def tuning(request: str, result: str, unit: str) -> dict[str, Any]:
 
     drawn = tuning_figures(Tuned.from_json(request, result, unit))
     return figures_to_json(drawn.figures, drawn.omitted)
+
+
+def sheet(request: str, result: str, unit: str) -> dict[str, Any]:
+    """Return how the loops of a tuning behave and what can go wrong; both are JSON text."""
+    from dataclasses import asdict
+
+    from service.figures.document import figures_to_json
+    from service.sheet.document import loop_sheet
+
+    made = loop_sheet(Tuned.from_json(request, result, unit))
+    return {
+        "behaviour": [row.model_dump() for row in made.behaviour],
+        "risks": [asdict(risk) for risk in made.risks],
+        "figures": figures_to_json(made.figures, made.omitted),
+    }
 
 
 def report(request: str, result: str, unit: str, job: str) -> dict[str, Any]:

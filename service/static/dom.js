@@ -72,3 +72,7 @@ export async function copy(text) {
   document.execCommand("copy");
   area.remove();
 }
+
+/** Rows as a file for spreadsheets. @param {string[][]} rows */
+export const csv = (rows) =>
+  rows.map((row) => row.map((cell) => `"${cell.replaceAll('"', '""')}"`).join(",")).join("\r\n");

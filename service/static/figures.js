@@ -53,13 +53,17 @@ export const figuresOf = (id) => request("GET", inUnit(`/v1/tunings/${id}/figure
 /** The figures of an analysis. @param {string} name @param {unknown} body @returns {Promise<Figures>} */
 export const figuresOfAnswer = (name, body) => request("POST", inUnit(`/v1/figures/${name}`), { body });
 
+/** Room for figures that are on their way, so that nothing jumps when they come. @param {number} count */
+export const waiting = (count) => Array.from({ length: count }, () =>
+  h("div", { class: "card awaited" }, h("p", { class: "busy" }, "Drawing …")));
+
 /**
  * Fetch figures and draw them; what fails is told in their place.
  * @param {HTMLElement} place @param {Promise<Figures>} answer @param {string} name of the files saved
  */
 export async function showFigures(place, answer, name) {
   place.setAttribute("aria-busy", "true");
-  put(place, h("p", { class: "busy" }, "Drawing the figures …"));
+  if (!place.hasChildNodes()) put(place, waiting(1));
   try {
     await drawFigures(place, await answer, name);
   } catch (error) {
@@ -72,9 +76,10 @@ export async function showFigures(place, answer, name) {
  * Draw figures one after another, so that the page stays usable meanwhile.
  * @param {HTMLElement} place @param {Figures} answer @param {string} name of the files saved
  */
-async function drawFigures(place, { templates, figures, omitted }, name) {
+export async function drawFigures(place, { templates, figures, omitted }, name) {
   const frames = Object.entries(figures).map(([kind, figure]) => {
     const plot = h("div", { class: "plot" });
+    plot.style.minHeight = `${figure.layout.height}px`;
     const { title, description } = figure.layout.meta;
     const node = h("figure", { class: "card", "data-figure": kind },
       h("figcaption", {}, h("h2", {}, title), help(description)), plot);

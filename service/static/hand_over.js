@@ -1,12 +1,13 @@
 /** What is typed into the control system: its own form and units, rounded, and judged as typed. */
 
 import { Problem, request } from "./api.js";
-import { button, card, copy, download, h, help, put, table } from "./dom.js";
+import { button, card, copy, csv, download, h, help, put, table } from "./dom.js";
 import { newId } from "./fields.js";
 import { number, sentence, timeUnit } from "./format.js";
 
 const CHOSEN = "mutune.controller";
 const DIGITS = 4; // as typed; the service judges the rounded values
+const AS_GOOD = 1e-3; // of mu above 1: less than anybody knows the plant
 const FORMS = /** @type {[string, string][]} */ ([
   ["ideal", "Any, ideal form"], ["cascade", "Any, cascade form"], ["parallel", "Any, parallel form"]]);
 
@@ -58,11 +59,10 @@ export function handOver({ request: asked, result }) {
     await copy(sheet.map((row) => row.join("\t")).join("\n"));
     said.textContent = "Copied, as shown.";
   };
-  const csv = () => sheet.map((row) => row.map((cell) => `"${cell.replaceAll('"', '""')}"`).join(",")).join("\r\n");
   return card("What do I type in?",
     h("div", { class: "field" }, h("label", { for: id }, "Control system"), select), place,
     h("div", { class: "buttons" }, button("Copy values", copyValues),
-      button("Save values", () => download("values.csv", csv(), "text/csv")), said));
+      button("Save values", () => download("values.csv", csv(sheet), "text/csv")), said));
 }
 
 /** A row a loop with its tag, or a row a group where none has one. @param {any} found @param {any} result */
@@ -95,7 +95,9 @@ const notesOf = ({ notes, loops }) => {
 function verdictOf({ nominally_stable: stable, peaks, demand_met: met }) {
   if (stable === false) return h("strong", {}, "As typed, the loops are unstable.");
   if (!peaks) return "There is nothing to judge: not every loop can be typed.";
-  const peak = number(peaks.robust_performance.value, 5);
-  return met ? `As typed, the demand is met: μ is at most ${peak}.`
-    : h("strong", {}, `As typed, the demand is not quite met: μ reaches ${peak}.`);
+  const { value } = peaks.robust_performance;
+  if (met) return `As typed, the demand is met: μ is at most ${number(value, 5)}.`;
+  const over = `${number(100 * (value - 1), 2)} %`;
+  return value < 1 + AS_GOOD ? `As typed, the demand is met but for ${over}: rounding.`
+    : h("strong", {}, `As typed, the demand is not quite met: μ is ${over} above 1.`);
 }

@@ -60,6 +60,9 @@ def test_from_an_empty_form_to_a_report(watched: Watched, tmp_path: Path) -> Non
     assert float(hero.locator(".big").inner_text()) <= 18.46
     expect(hero).to_contain_text("h")
     expect(hero.locator(".gain")).to_contain_text("28.4 % faster")
+    watched.wait_for_figures()
+    watched.inspect("result")
+    watched.open_evidence()
     for form, column in (("Ideal", "Integral time, h"), ("Parallel", "Integral gain, 1/h")):
         page.get_by_label(form, exact=True).check()
         expect(page.get_by_role("columnheader", name=column, exact=True)).to_be_visible()
@@ -67,18 +70,17 @@ def test_from_an_empty_form_to_a_report(watched: Watched, tmp_path: Path) -> Non
     page.get_by_role("button", name="Copy table").click()
     expect(page.get_by_text("Copied, six digits.")).to_be_visible()
     copied = page.evaluate("navigator.clipboard.readText()")
-    assert copied.splitlines()[0].startswith("Unit\tProportional gain\tIntegral gain")
+    assert copied.splitlines()[0].startswith("Loop\tProportional gain\tIntegral gain")
 
     with page.expect_download() as download:
         page.get_by_role("button", name="CSV").click()
     download.value.save_as(tmp_path / "settings.csv")
     with (tmp_path / "settings.csv").open(newline="") as file:
         rows = list(csv.reader(file))
-    assert [row[0] for row in rows] == ["Unit", "1", "2"]
+    assert [row[0] for row in rows] == ["Loop", "1", "2"]
     assert 40 < float(rows[1][1]) < 55
 
-    watched.wait_for_figures()
-    watched.inspect("result")
+    watched.inspect("evidence")
     with page.expect_download() as download:
         page.locator("figure .modebar-btn[data-title='Save as PNG']").first.click()
     assert download.value.suggested_filename.endswith(".png")
@@ -107,6 +109,7 @@ def test_settings_are_typed_into_a_control_system(watched: Watched) -> None:
     typed.get_by_label("Control system").select_option("deltav_standard")
     expect(typed.get_by_role("columnheader", name="RESET, s")).to_be_visible()
     row = typed.get_by_role("row", name="TIC-101").first
+    watched.open_evidence()
     settings = page.locator("section").filter(
         has=page.get_by_role("heading", name="Settings in three forms")
     )

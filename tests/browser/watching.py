@@ -72,6 +72,11 @@ class Watched:
         expect(self.page.locator("[aria-busy]")).to_have_count(0)
         expect(self.page.locator("figure:not(:has(svg.main-svg))")).to_have_count(0)
 
+    def open_evidence(self) -> None:
+        """Unfold the curves, optima and forms below a result, and wait until they stand there."""
+        self.page.get_by_text("Evidence: peaks").click()
+        self.wait_for_figures()
+
     def inspect(self, name: str) -> None:
         """Check a view for barriers, wide in light and narrow in dark; keep pictures."""
         SCREENSHOTS.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""Figures and report of a tuning, and the figure of a trade-off."""
+"""Figures, loop sheet and report of a tuning, and the figure of a trade-off."""
 
 from __future__ import annotations
 
@@ -11,10 +11,18 @@ from fastapi.responses import HTMLResponse
 from service import drawing
 from service.analysis import Figures
 from service.http.routes.analyses import add_figures
-from service.http.routes.common import FIGURES, Unit, computed, json_response, problems
+from service.http.routes.common import (
+    FIGURES,
+    Unit,
+    computed,
+    described,
+    json_response,
+    problems,
+)
 from service.http.routes.tunings import JobId, find_job
 from service.jobs.records import Job
 from service.problems import ConflictError
+from service.schemas.sheet import SheetResult
 from service.schemas.trade_off import TradeOff
 from service.wording import TIME_UNIT
 
@@ -34,6 +42,22 @@ async def get_figures(request: Request, job_id: JobId, unit: Unit = TIME_UNIT) -
     job, result = await finished(request, job_id)
     drawn = await computed(request, drawing.tuning, job.request, result, unit)
     return json_response(drawn)
+
+
+@router.get(
+    "/v1/tunings/{job_id}/sheet",
+    tags=["tunings"],
+    summary="Loop sheet of a tuning",
+    responses={
+        200: described(SheetResult, "How the loops behave, and what can go wrong."),
+        **problems(404, 409, 422, 503),
+    },
+)
+async def get_sheet(request: Request, job_id: JobId, unit: Unit = TIME_UNIT) -> Response:
+    """Return responses to set point and load with their measures, and what to know of them."""
+    job, result = await finished(request, job_id)
+    made = await computed(request, drawing.sheet, job.request, result, unit)
+    return json_response(made)
 
 
 @router.get(

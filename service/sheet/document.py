@@ -1,0 +1,110 @@
+"""The loop sheet of a tuning: its numbers, sentences and figures together."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import plotly.graph_objects as go
+
+from service.figures.behaviour import behaviour_figures
+from service.schemas.sheet import Behaviour
+from service.sheet.naming import loops_name
+from service.sheet.responses import Measured, Moves, Response, moves
+from service.sheet.risks import Said, risks
+from service.tuned import Tuned
+from solver.model.errors import InvalidInputError
+from solver.robustness.analysis import analyse
+from solver.robustness.margins import Margins
+from solver.robustness.record import Robustness
+from solver.simulation.experiment import StepKind
+
+__all__ = ["FOUND", "IDENTICAL", "LoopSheet", "loop_sheet"]
+
+FOUND, IDENTICAL = "found", "identical"
+
+
+@dataclass(frozen=True)
+class LoopSheet:
+    """What `service.schemas.sheet.SheetResult` describes, figures not yet as JSON."""
+
+    behaviour: tuple[Behaviour, ...]
+    risks: tuple[Said, ...]
+    figures: Mapping[str, go.Figure]
+    omitted: Mapping[str, str]
+
+
+def loop_sheet(tuned: Tuned) -> LoopSheet:
+    """Return the sheet of a tuning; an empty one where there are no stable settings."""
+    if not tuned.settings:
+        return LoopSheet((), (), {}, {})
+    robustness = analyse(tuned.plant, tuned.uncertainty, tuned.performance, tuned.loops)
+    if not robustness.nominally_stable:
+        return LoopSheet(
+            (), tuple(Said("note", "bad", text) for text in robustness.warnings), {}, {}
+        )
+    others = {IDENTICAL: tuned.identical} if tuned.identical and len(tuned.settings) > 1 else {}
+    try:
+        moved: list[Moves] = list(moves(tuned, others))
+        omitted: dict[str, str] = {}
+    except InvalidInputError as error:
+        moved, omitted = [], {"set_point": error.message, "load": error.message}
+    analysed = {FOUND: robustness}
+    for name, each in others.items():
+        analysed[name] = analyse(tuned.plant, tuned.uncertainty, tuned.performance, each)
+    return LoopSheet(
+        tuple(_rows(tuned, moved, analysed)),
+        risks(tuned, robustness, moved),
+        behaviour_figures(tuned, moved) if moved else {},
+        omitted,
+    )
+
+
+def _rows(
+    tuned: Tuned, moved: Sequence[Moves], analysed: Mapping[str, Robustness]
+) -> Iterator[Behaviour]:
+    set_points = [each for each in moved if each.kind is StepKind.SETPOINT]
+    loads = [each for each in moved if each.kind is StepKind.LOAD]
+    for name, robustness in analysed.items():
+        for set_point, load in zip(set_points, loads, strict=True):
+            if name != FOUND and name not in set_point.others:
+                continue  # as on the loop before
+            alike = name != FOUND and robustness.margins[0].units == tuple(range(tuned.plant.n))
+            first, second = _of(set_point, name), _of(load, name)
+            margins = _margins(robustness, set_point.units[0], alone=tuned.plant.n == 1)
+            yield Behaviour.model_validate(
+                {
+                    "loop": "all loops" if alike else loops_name(tuned, set_point.units),
+                    "settings": name,
+                    "stable": robustness.nominally_stable,
+                    "set_point_step": set_point.size,
+                    "settling_time": first and first.settling_time,
+                    "overshoot": first and first.overshoot,
+                    "input_peak": first and first.input_peak,
+                    "load_step": load.size,
+                    "load_error": second and second.largest_error,
+                    "load_settling_time": second and second.settling_time,
+                    "gain_margin": _finite(margins, "gain_increase"),
+                    "phase_margin": _finite(margins, "phase_margin"),
+                    "delay_margin": _finite(margins, "delay_margin"),
+                }
+            )
+
+
+def _of(moves: Moves, name: str) -> Measured | None:
+    response: Response | None = moves.given if name == FOUND else moves.others[name]
+    return None if response is None else response.measured
+
+
+def _margins(robustness: Robustness, unit: int, *, alone: bool) -> Margins | None:
+    """Return the margins of one loop with all others closed."""
+    for each in robustness.margins:
+        if unit in each.units:
+            return each.alone if alone else each.together
+    return None
+
+
+def _finite(margins: Margins | None, name: str) -> float | None:
+    value = math.inf if margins is None else getattr(margins, name)
+    return value if math.isfinite(value) else None

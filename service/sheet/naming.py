@@ -1,0 +1,31 @@
+"""Loops as the plant knows them: by their tags where the request gives them, and their signals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from service.schemas.fields import Instrument
+from service.tuned import Tuned
+from service.wording import loops_text
+
+__all__ = ["instrument_of", "loops_name"]
+
+_LISTED = 3  # tags that are told one by one
+_UNKNOWN = Instrument()
+
+
+def instrument_of(tuned: Tuned, unit: int) -> Instrument:
+    """Return the signals of a unit (from 0), unknown ones where the request does not give them."""
+    given = tuned.request.instruments or ()
+    if len(given) == tuned.plant.n:
+        return given[unit]
+    # One entry for all of several loops says their spans, and no tag of any of them.
+    return given[0].model_copy(update={"tag": None}) if len(given) == 1 else _UNKNOWN
+
+
+def loops_name(tuned: Tuned, units: Sequence[int]) -> str:
+    """Return ``TIC-101``, ``TIC-101, TIC-102`` or, without tags, ``loop 1`` or ``loops 1-25``."""
+    tags = [instrument_of(tuned, unit).tag for unit in units[: _LISTED + 1]]
+    if len(units) > _LISTED or None in tags:
+        return loops_text(units)
+    return ", ".join(filter(None, tags))

@@ -1,0 +1,248 @@
+"""How each loop moves after a set-point step and after a load, all loops closed.
+
+The model as given, today's and identical settings beside it, and a band over plants of the
+uncertainty set: the inputs off by the whole weight up, down and in turns, and the perturbation that
+is worst for robust performance. The band is drawn from these plants; it proves nothing of others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from service.sheet.naming import instrument_of
+from service.tuned import Tuned
+from solver.model.controllers import Controller
+from solver.model.errors import InvalidInputError
+from solver.model.plants import Plant
+from solver.model.subsystems import interchangeable
+from solver.model.transfer_function import TransferFunction
+from solver.simulation.actuators import Actuators, OwnActuators
+from solver.simulation.experiment import Experiment, Step, StepKind
+from solver.simulation.integrator import End
+from solver.simulation.loops import Limits, Loop
+from solver.simulation.step_response import step_response
+from solver.simulation.worst_actuators import worst_actuators
+from solver.stability.closed_loop import is_stable
+
+__all__ = ["SHOWN", "Band", "Measured", "Moves", "Response", "interchange", "moves"]
+
+SHOWN = 4  # kinds of loops; a figure of more is read by nobody
+_SHARE = 0.1  # of a span: the steps where spans are known
+_PROBES = (10.0, 40.0, 160.0)  # closed-loop time constants within which loops settle
+_BEYOND = 1.4  # times the settling time is shown
+_SET_POINT_BAND, _LOAD_BAND = 0.02, 0.05  # of the step, and of the largest error: settled
+
+
+@dataclass(frozen=True)
+class Measured:
+    """One response in numbers, in the units of its signals; None where it does not settle."""
+
+    settling_time: float | None
+    overshoot: float | None
+    largest_error: float
+    input_peak: float
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """Output and input of the loop that is stepped."""
+
+    time: NDArray[np.float64]
+    output: NDArray[np.float64]
+    input: NDArray[np.float64]
+    measured: Measured
+
+
+@dataclass(frozen=True, eq=False)
+class Band:
+    """Lowest and highest output and input over the plants that were tried."""
+
+    output: tuple[NDArray[np.float64], NDArray[np.float64]]
+    input: tuple[NDArray[np.float64], NDArray[np.float64]]
+
+
+@dataclass(frozen=True, eq=False)
+class Moves:
+    """What follows one step, on one kind of loop.
+
+    Parameters
+    ----------
+    kind : StepKind
+        SETPOINT or LOAD.
+    units : tuple of int
+        The loops (from 0) that move like this one.
+    size : float
+        Of the step, in the unit of its signal.
+    given : Response
+        The settings found.
+    band : Band or None
+        None where no plant of the set could be simulated.
+    others : dict
+        Other settings by name; None for those that are unstable, and an entry on the first loop
+        alone for those that are the same on all of identical units.
+    limited : Response or None
+        The settings found, the input within half its span on either side of rest; None where the
+        span is not known, or the input stays within.
+
+    """
+
+    kind: StepKind
+    units: tuple[int, ...]
+    size: float
+    given: Response
+    band: Band | None
+    others: dict[str, Response | None]
+    limited: Response | None
+
+
+def moves(tuned: Tuned, others: dict[str, tuple[Controller, ...]]) -> Iterator[Moves]:
+    """Yield what follows a set-point step and a load on each kind of loop.
+
+    Parameters
+    ----------
+    tuned : Tuned
+        Stable settings.
+    others : dict
+        Further settings by name, one controller a unit.
+
+    Raises
+    ------
+    InvalidInputError
+        The simulation cannot hold the plant.
+
+    """
+    plant = tuned.plant
+    stable = {name for name, loops in others.items() if is_stable(plant, loops)}
+    band = tuple(_plants_of_the_set(tuned))
+    kinds = interchangeable(plant, tuned.loops)[:SHOWN]
+    for kind in (StepKind.SETPOINT, StepKind.LOAD):
+        tasks = [_Task(tuned, _step(tuned, kind, units[0])) for units in kinds]
+        duration = max(task.duration(tuned.loops) for task in tasks)
+        for units, task in zip(kinds, tasks, strict=True):
+            given = task.response(tuned.loops, duration)
+            span = instrument_of(tuned, units[0]).input_span
+            half = None if span is None else span / 2
+            limited = None
+            if half is not None and given.measured.input_peak > half:
+                limited = task.response(tuned.loops, duration, limit=half)
+            yield Moves(
+                kind,
+                units,
+                task.step.size,
+                given,
+                _band([task.response(tuned.loops, duration, actuators=each) for each in band]),
+                {
+                    name: task.response(loops, duration) if name in stable else None
+                    for name, loops in others.items()
+                    if units == kinds[0] or not interchange(plant, loops)
+                },
+                limited,
+            )
+
+
+def interchange(plant: Plant, loops: Sequence[Controller]) -> bool:
+    """Return whether the loops are all alike: what one does, all do."""
+    return len(interchangeable(plant, loops)) == 1
+
+
+def _step(tuned: Tuned, kind: StepKind, unit: int) -> Step:
+    """Return a step of a tenth of the signal's span, of one where that is not known."""
+    signals = instrument_of(tuned, unit)
+    span = signals.output_span if kind is StepKind.SETPOINT else signals.input_span
+    return Step(kind, unit, 0.0, 1.0 if span is None else _SHARE * span)
+
+
+@dataclass(frozen=True)
+class _Task:
+    """One step on one loop of the tuned plant."""
+
+    tuned: Tuned
+    step: Step
+
+    def duration(self, loops: Sequence[Controller]) -> float:
+        """Return how much of the response is worth showing: until it has settled, and some more."""
+        tau_p = self.tuned.result.tau_p
+        assert tau_p is not None  # noqa: S101 - for the type checker: there are settings
+        for probe in _PROBES:
+            settled = self.response(loops, probe * tau_p).measured.settling_time
+            if settled is not None and settled * _BEYOND <= probe * tau_p:
+                return max(_BEYOND * settled, tau_p)
+        return _PROBES[-1] * tau_p
+
+    def response(
+        self,
+        loops: Sequence[Controller],
+        duration: float,
+        *,
+        actuators: Actuators | None = None,
+        limit: float | None = None,
+    ) -> Response:
+        """Simulate."""
+        limits = None
+        if limit is not None:
+            limits = (Limits(-limit, limit),) * self.tuned.plant.n
+        found = step_response(
+            Experiment(
+                self.tuned.plant,
+                tuple(Loop.of(loop) for loop in loops),
+                (self.step,),
+                duration,
+                actuators=actuators,
+                limits=limits,
+            )
+        )
+        own = next(each for each in found.responses if self.step.unit in each.units)
+        output, moved = own.output, own.input
+        if self.step.kind is StepKind.SETPOINT:
+            error, wide, overshoot = self.step.size - output, _SET_POINT_BAND * self.step.size, None
+            overshoot = max(0.0, float(np.max(output)) / self.step.size - 1)
+        else:
+            error, overshoot = -output, None
+            wide = _LOAD_BAND * float(np.max(np.abs(error)))
+        outside = np.flatnonzero(np.abs(error) > wide)
+        settled: float | None = 0.0
+        if outside.size:
+            last = outside[-1]
+            settled = float(found.time[last + 1]) if last + 1 < found.time.size else None
+        if found.end is not End.COMPLETE:
+            settled = None
+        measured = Measured(
+            settled, overshoot, float(np.max(np.abs(error))), float(np.max(np.abs(moved)))
+        )
+        return Response(found.time, output, moved, measured)
+
+
+def _band(runs: Sequence[Response]) -> Band | None:
+    if not runs:
+        return None
+    length = min(run.time.size for run in runs)
+    outputs = np.array([run.output[:length] for run in runs])
+    inputs = np.array([run.input[:length] for run in runs])
+    return Band(
+        (outputs.min(axis=0), outputs.max(axis=0)), (inputs.min(axis=0), inputs.max(axis=0))
+    )
+
+
+def _plants_of_the_set(tuned: Tuned) -> Iterator[Actuators]:
+    """Yield actuators within the uncertainty: all up, all down, in turns, and the worst."""
+    n = tuned.plant.n
+    weight = tuned.uncertainty.weight
+    # 1 + w and 1 - w: Delta_I = I and -I; only the magnitude of w is given, so no dead time.
+    num, den = np.array(weight.num), np.array(weight.den)
+    one = {
+        sign: TransferFunction(tuple(np.polyadd(den, sign * num)), weight.den) for sign in (1, -1)
+    }
+    yield OwnActuators((one[1],) * n)
+    yield OwnActuators((one[-1],) * n)
+    if n > 1:
+        yield OwnActuators(tuple(one[1 if unit % 2 == 0 else -1] for unit in range(n)))
+    try:
+        worst = worst_actuators(tuned.plant, tuned.loops, tuned.uncertainty, tuned.performance)
+    except InvalidInputError:
+        return
+    if worst is not None:
+        yield worst

@@ -1,0 +1,108 @@
+/** The evidence of a result, folded: mu, sensitivity, responses, landscape, proof, forms, request. */
+
+import { request } from "./api.js";
+import { button, card, copy, csv, download, h, help, put, table } from "./dom.js";
+import { segments } from "./fields.js";
+import { figuresOf, showFigures, waiting } from "./figures.js";
+import { duration, label, number, sentence, timeUnit, unitText } from "./format.js";
+import { operation, resolve } from "./schema.js";
+
+const FORMS = ["cascade", "ideal", "parallel"];
+
+/** @param {any} job @param {string} name of the files saved */
+export function evidence(job, name) {
+  const { id, result } = job;
+  const found = result.loops.length > 0;
+  const inside = h("div", { class: "inside" });
+  const fold = h("details", { class: "evidence" },
+    h("summary", {}, "Evidence: peaks of μ, curves, local optima, proof, request"), inside);
+  fold.addEventListener("toggle", () => {
+    if (!fold.open || inside.hasChildNodes()) return;
+    const figures = h("div", { class: "figures" }, waiting(4));
+    put(inside, h("div", { class: "cards" }, result.peaks && peaks(result.peaks), found && settings(result),
+      result.certificate && certificate(job, name), asked(job, name)), figures);
+    showFigures(figures, figuresOf(id), name);
+  });
+  return fold;
+}
+
+/** @param {any} found */
+const peaks = (found) => h("section", { class: "card peaks" }, h("h2", {}, "Peaks of μ"),
+  Object.entries(found).map(([name, { value, omega }]) =>
+    h("div", { class: "peak" }, h("span", {}, label(name)),
+      h("meter", { min: 0, max: 1.25, high: 1.0000011, value: value ?? 1.25, "aria-label": label(name) }),
+      h("span", { class: "value" }, value === null ? "–" : value.toFixed(4)),
+      h("span", { class: "help" }, `at ${number(omega, 3)} ${unitText("rad/time")}`))),
+  help("At most 1: the demand holds for every plant within the uncertainty."));
+
+/** Loops that share settings, as ranges: 1–3, 5. @param {number[]} group */
+function loopsOf(group) {
+  const ranges = [];
+  for (let i = 0; i < group.length; ) {
+    let end = i;
+    while (group[end + 1] === group[end] + 1) end++;
+    ranges.push(end > i ? `${group[i] + 1}–${group[end] + 1}` : group[i] + 1);
+    i = end + 1;
+  }
+  return `${group.length > 1 ? "Loops" : "Loop"} ${ranges.join(", ")}`;
+}
+
+/** @param {string} key of a controller's form */
+function unitOfSetting(key) {
+  if (key.endsWith("_time")) return timeUnit();
+  return { integral_gain: `1/${timeUnit()}`, derivative_gain: timeUnit() }[key] ?? "";
+}
+
+/** @param {number | null | undefined} value */
+const sixDigits = (value) => (value ? String(Number(value.toPrecision(6))) : "");
+
+/** The tuning table in three forms. @param {any} result */
+function settings({ loops, groups }) {
+  const place = h("div", {});
+  const said = h("span", { class: "help", role: "status" });
+  const { node, read } = segments("Form of the controller", FORMS.map(label), 0);
+  const schema = resolve(resolve(operation("/v1/controller-forms").output).properties.forms.items);
+  const converted = request("POST", "/v1/controller-forms", { body: { loops: groups.map(([first]) => loops[first]) } });
+  let sheet = /** @type {string[][]} */ ([]);
+  const show = async () => {
+    const form = FORMS[read()];
+    const { forms } = await converted;
+    const given = forms.map((one) => one[form] ?? {});
+    const { description: _, ...part } = schema.properties[form]; // its own says less than the form's
+    const described = resolve(part);
+    const keys = Object.keys(described.properties).filter((key) => given.some((one) => one[key]));
+    const names = keys.map((key) => [label(key), unitOfSetting(key)].filter(Boolean).join(", "));
+    sheet = [["Loop", ...names], ...groups.flatMap((group, i) =>
+      group.map((unit) => [String(unit + 1), ...keys.map((key) => sixDigits(given[i][key]))]))];
+    const rows = groups.map((group, i) => [loopsOf(group), ...keys.map((key) => number(given[i][key], 5))]);
+    const reasons = forms.filter((one) => !one[form]).map((one) => sentence(one.reason));
+    put(place, table("Controller settings", ["", ...names], rows),
+      help([described.description, ...new Set(reasons)].join(" ")));
+  };
+  node.addEventListener("change", show);
+  show();
+  const copyTable = async () => {
+    await copy(sheet.map((row) => row.join("\t")).join("\n"));
+    said.textContent = "Copied, six digits.";
+  };
+  return card("Settings in three forms", node, place, h("div", { class: "buttons" },
+    button("Copy table", copyTable), button("CSV", () => download("settings.csv", csv(sheet), "text/csv")), said));
+}
+
+/** @param {any} job @param {string} name */
+function certificate({ result: { certificate: proof } }, name) {
+  const save = () => download(`${name}-certificate.json`, JSON.stringify(proof, null, 1));
+  return card("Certificate",
+    h("p", {}, h("strong", {}, `μ ≤ ${number(proof.gamma, 8)} at every frequency`),
+      `, proven on ${proof.intervals.length} intervals from 0 to infinity.`),
+    help("Anyone can check it from the file alone: mutune verify FILE."), button("Download certificate", save));
+}
+
+/** @param {any} job @param {string} name */
+function asked({ request: body, result: { search } }, name) {
+  const text = JSON.stringify(body, null, 2);
+  const effort = `${search.starts} starts in ${duration(search.elapsed_seconds)}, seed ${search.seed}`;
+  return card("What was asked", help(`${effort}, ${search.local_optima.length} local optima.`),
+    h("details", {}, h("summary", {}, "Request"), h("pre", { tabindex: "0" }, text)),
+    button("Download request", () => download(`${name}-request.json`, text)));
+}

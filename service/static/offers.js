@@ -1,0 +1,16 @@
+/** What can follow a tuning: the analyses that its plant, and its settings, can be sent to. */
+
+import { label } from "./format.js";
+import { analyses, faults, fitting, resolve } from "./schema.js";
+
+/**
+ * The analyses whose forms open without faults from this tuning.
+ * @param {any} job @param {boolean} found whether there are settings; else there is the plant to look at
+ */
+export function furtherOf({ id, request: body, result }, found) {
+  const taken = { ...body, loops: result.loops, performance: { ...body.performance, tau_p: result.tau_p } };
+  return analyses().map(({ name, input }) => ({ name, needs: resolve(input) }))
+    .filter(({ needs }) => needs.properties.plant && (found || !needs.properties.loops))
+    .filter(({ needs }) => faults(needs, fitting(needs, taken)).length === 0)
+    .map(({ name }) => ({ text: label(name), href: `#/analyses/${name}?from=${id}` }));
+}
