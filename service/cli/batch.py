@@ -167,7 +167,11 @@ def _drawing(
         from service.figures.style import Theme, template  # noqa: PLC0415
 
         drawn = trade_off(collected.trade_off(), request.time_unit or TIME_UNIT)
-        drawn.update_layout(template=template(Theme.LIGHT), title=drawn.layout.meta["title"])
+        title = {"text": drawn.layout.meta["title"], "y": 0.97, "yanchor": "top", "x": 0.02}
+        margin = {"t": 100}  # the title stands above the legend
+        drawn.update_layout(
+            template=template(Theme.LIGHT), title=title, margin=margin, height=520, width=900
+        )
         text = drawn.to_html(include_plotlyjs=True).encode()
         replace(path, lambda file: file.write(text))
 
