@@ -144,6 +144,9 @@ def _found(result: Mapping[str, Any], error: Mapping[str, Any] | None) -> dict[s
     }
     for name in ("robust_performance", "robust_stability", "nominal_performance"):
         found[f"mu.{name}"] = (peaks.get(name) or {}).get("value")
+    for demand in result.get("demands") or ():
+        for name in ("limit", "value", "met", "active"):
+            found[f"demand.{demand['name']}.{name}"] = demand[name]
     found |= {
         "guarantee": guarantee.get("status"),
         "guarantee_level": guarantee.get("level"),

@@ -20,6 +20,9 @@ from fake_tune import BROKEN, DEADLY, SLOW
 from samples import altered, tuning
 from typer.testing import CliRunner, Result
 
+from service.batch.formats import Form, Rows
+from service.batch.request_lines import read_items
+from service.batch.table import Table
 from service.cli.commands import app
 from service.jobs.engine import Engine
 from service.jobs.records import JobStatus, Outcome
@@ -306,6 +309,17 @@ def test_results_as_a_table(tmp_path: Path) -> None:
     again = batch(requests, "-o", output, "--format", "csv")
     assert again.exit_code == 2
     assert "exists" in again.stderr
+
+
+def test_demands_are_columns() -> None:
+    """Each with its limit, its value, whether it is met and whether it binds."""
+    items = read_items(json.dumps(tuning()).encode())
+    outcome = {"name": "max_load_error", "limit": 5.0, "value": 4.0, "met": True, "active": False}
+    entry = {"index": 0, "digest": "", "result": {"status": "optimal", "demands": [outcome]}}
+    (row,) = Table(items, each=Rows.REQUEST, form=Form.CASCADE).rows([entry])
+    found = {name: value for name, value in row.items() if name.startswith("demand.")}
+    prefix = "demand.max_load_error"
+    assert found == {f"{prefix}.{key}": outcome[key] for key in ("limit", "value", "met", "active")}
 
 
 def test_results_as_parquet(tmp_path: Path) -> None:
