@@ -11,7 +11,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from service.schemas.trade_off import TradeOff
-from service.tuned import Tuned
+from service.tuned import RequestedTuning
 
 __all__ = ["report", "sheet", "trade_off", "tuning"]
 
@@ -21,7 +21,7 @@ def tuning(request: str, result: str, unit: str) -> dict[str, Any]:
     from service.figures.document import figures_to_json
     from service.figures.tuning import tuning_figures
 
-    drawn = tuning_figures(Tuned.from_json(request, result, unit))
+    drawn = tuning_figures(RequestedTuning.from_json(request, result, unit))
     return figures_to_json(drawn.figures, drawn.omitted)
 
 
@@ -32,7 +32,7 @@ def sheet(request: str, result: str, unit: str) -> dict[str, Any]:
     from service.figures.document import figures_to_json
     from service.sheet.document import loop_sheet
 
-    made = loop_sheet(Tuned.from_json(request, result, unit))
+    made = loop_sheet(RequestedTuning.from_json(request, result, unit))
     return {
         "behaviour": [row.model_dump() for row in made.behaviour],
         "risks": [asdict(risk) for risk in made.risks],
@@ -44,7 +44,7 @@ def report(request: str, result: str, unit: str, job: str) -> dict[str, Any]:
     """Return the report of a tuning and the content policy that it needs."""
     from service.report.document import POLICY, report_html
 
-    tuned = Tuned.from_json(request, result, unit)
+    tuned = RequestedTuning.from_json(request, result, unit)
     return {"html": report_html(tuned, datetime.now(UTC), job), "policy": POLICY}
 
 

@@ -25,7 +25,7 @@ from service.figures.tuning import tuning_figures
 from service.report.document import report_html
 from service.report.rendering import render
 from service.schemas import TuningRequest, TuningResult, parse_tuning_request
-from service.tuned import Tuned
+from service.tuned import RequestedTuning
 from service.wording import OBJECTIVES, TIME_UNIT, forms, headline, peak_rows
 from solver.tuning import tuner
 
@@ -38,12 +38,12 @@ class TuningView:
 
     Parameters
     ----------
-    tuned : Tuned
+    tuned : RequestedTuning
         Request and result.
 
     """
 
-    tuned: Tuned
+    tuned: RequestedTuning
 
     @property
     def result(self) -> TuningResult:
@@ -104,4 +104,4 @@ def tune(request: Mapping[str, Any], unit: str = TIME_UNIT) -> TuningView:
 
     """
     parsed = parse(request)
-    return TuningView(Tuned.of(parsed, tuner.tune(parsed.build()), unit))
+    return TuningView(RequestedTuning.of(parsed, tuner.tune(parsed.build()), unit))

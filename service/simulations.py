@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.schemas.drawn import DrawnStepResponse, DrawnUnits
-from service.tuned import Setting, Tuned
+from service.tuned import RequestedTuning, Setting
 from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError
 from solver.model.plants import Plant
@@ -46,7 +46,7 @@ class Case:
     identical: DrawnStepResponse | None
 
 
-def together(tuned: Tuned, direction: NDArray[np.float64]) -> Case:
+def together(tuned: RequestedTuning, direction: NDArray[np.float64]) -> Case:
     """Return the responses with all loops closed to set-point steps of size `direction` (n,).
 
     Raises
@@ -69,7 +69,7 @@ def together(tuned: Tuned, direction: NDArray[np.float64]) -> Case:
     )
 
 
-def alone(tuned: Tuned) -> Case:
+def alone(tuned: RequestedTuning) -> Case:
     """Return the responses of each different setting to a unit step, all other loops open.
 
     A loop that is unstable alone is left out.
@@ -120,7 +120,10 @@ def _simulate(
 
 
 def _duration(
-    tuned: Tuned, plant: Plant, loops: Sequence[Controller], direction: NDArray[np.float64]
+    tuned: RequestedTuning,
+    plant: Plant,
+    loops: Sequence[Controller],
+    direction: NDArray[np.float64],
 ) -> float:
     """Return how much of the response is worth showing: until it has settled, and some more."""
     tau_p = tuned.result.tau_p
@@ -135,7 +138,9 @@ def _duration(
     return _PROBES[-1] * tau_p
 
 
-def _worst_actuators(tuned: Tuned, plant: Plant, loops: Sequence[Controller]) -> Actuators | None:
+def _worst_actuators(
+    tuned: RequestedTuning, plant: Plant, loops: Sequence[Controller]
+) -> Actuators | None:
     return worst_actuators(plant, loops, tuned.uncertainty, tuned.performance)
 
 

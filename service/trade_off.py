@@ -10,7 +10,7 @@ from service.batch.sweep import Variation, expand
 from service.schemas import RequestError, TuningRequest, canonical, parse_tuning_request
 from service.schemas.parsing import Fault
 from service.schemas.trade_off import TradeOff, TradeOffPoint
-from service.tuned import Tuned
+from service.tuned import RequestedTuning
 from solver.tuning.record import Progress
 
 __all__ = ["Collected", "sweep"]
@@ -101,7 +101,7 @@ def sweep(
         if item.faults:
             raise RequestError(item.faults)
         varied = parse_tuning_request(item.request)
-        result = Tuned.of(varied, tuner.tune(varied.build(), progress)).result
+        result = RequestedTuning.of(varied, tuner.tune(varied.build(), progress)).result
         collected.add(item.fields, json.loads(result.model_dump_json()))
     return collected.trade_off()
 

@@ -17,7 +17,7 @@ from solver.model.weights import Performance, Uncertainty
 from solver.tuning.record import Tuning
 from solver.tuning.specification import Specification
 
-__all__ = ["Setting", "Tuned"]
+__all__ = ["RequestedTuning", "Setting"]
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Setting:
 
 
 @dataclass(frozen=True)
-class Tuned:
+class RequestedTuning:
     """A request and its result.
 
     Parameters
@@ -53,7 +53,9 @@ class Tuned:
     unit: str = TIME_UNIT
 
     @classmethod
-    def from_json(cls, request: str | bytes, result: str | bytes, unit: str = TIME_UNIT) -> Tuned:
+    def from_json(
+        cls, request: str | bytes, result: str | bytes, unit: str = TIME_UNIT
+    ) -> RequestedTuning:
         """Return the record of two JSON texts.
 
         Raises
@@ -65,7 +67,7 @@ class Tuned:
         return cls(parse(TuningRequest, request), parse(TuningResult, result), unit)
 
     @classmethod
-    def of(cls, request: TuningRequest, tuning: Tuning, unit: str = TIME_UNIT) -> Tuned:
+    def of(cls, request: TuningRequest, tuning: Tuning, unit: str = TIME_UNIT) -> RequestedTuning:
         """Return the record of a tuning just made."""
         return cls(request, TuningResult.model_validate(tuning_to_json(tuning)), unit)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 
-__all__ = ["Form", "Rows", "TableFormat"]
+__all__ = ["Rows", "SettingsForm", "TableFormat"]
 
 
 class TableFormat(StrEnum):
@@ -22,7 +22,7 @@ class Rows(StrEnum):
     LOOP = "loop"
 
 
-class Form(StrEnum):
+class SettingsForm(StrEnum):
     """Form of the controllers' settings."""
 
     CASCADE = "cascade"

@@ -12,7 +12,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import IO, Any
 
-from service.batch.formats import Form, Rows, TableFormat
+from service.batch.formats import Rows, SettingsForm, TableFormat
 from service.batch.request_lines import Item
 from service.schemas import Fault, RequestError
 from solver.model.controllers import Controller
@@ -24,15 +24,15 @@ _KEYS = ("digest", "job")  # what else tells an entry from others
 _GENERAL = ("title", "id", "labels")  # said of a request whether or not they differ
 
 
-_CONVERSIONS: dict[Form, Callable[[Controller], object]] = {
-    Form.CASCADE: lambda controller: controller,
-    Form.IDEAL: Controller.to_ideal,
-    Form.PARALLEL: Controller.to_parallel,
+_CONVERSIONS: dict[SettingsForm, Callable[[Controller], object]] = {
+    SettingsForm.CASCADE: lambda controller: controller,
+    SettingsForm.IDEAL: Controller.to_ideal,
+    SettingsForm.PARALLEL: Controller.to_parallel,
 }
 _SETTINGS = {
-    Form.CASCADE: ("gain", "integral_time", "derivative_time", "filter_time"),
-    Form.IDEAL: ("gain", "integral_time", "derivative_time", "filter_time"),
-    Form.PARALLEL: ("proportional_gain", "integral_gain", "derivative_gain", "filter_time"),
+    SettingsForm.CASCADE: ("gain", "integral_time", "derivative_time", "filter_time"),
+    SettingsForm.IDEAL: ("gain", "integral_time", "derivative_time", "filter_time"),
+    SettingsForm.PARALLEL: ("proportional_gain", "integral_gain", "derivative_gain", "filter_time"),
 }
 
 
@@ -45,12 +45,12 @@ class Table:
         The requests.
     each : Rows
         What a row stands for.
-    form : Form
+    form : SettingsForm
         Form of the settings.
 
     """
 
-    def __init__(self, items: Sequence[Item], *, each: Rows, form: Form) -> None:
+    def __init__(self, items: Sequence[Item], *, each: Rows, form: SettingsForm) -> None:
         self._items = items
         self._each = each
         self._form = form
@@ -88,7 +88,7 @@ class Table:
 
 
 def writer(
-    format_: TableFormat, items: Sequence[Item], *, each: Rows, form: Form
+    format_: TableFormat, items: Sequence[Item], *, each: Rows, form: SettingsForm
 ) -> Callable[[IO[bytes], Iterator[dict[str, Any]]], None]:
     """Return what writes results as a table to a file.
 
@@ -163,7 +163,7 @@ def _fault(error: Mapping[str, Any]) -> str:
     return "; ".join(faults) or str(error.get("detail") or error.get("title"))
 
 
-def _settings(loop: Mapping[str, float | None], form: Form) -> dict[str, float | None]:
+def _settings(loop: Mapping[str, float | None], form: SettingsForm) -> dict[str, float | None]:
     """Return the settings of a loop in a form; empty where it has no such form."""
     controller = Controller(
         float(loop["gain"] or 0.0),

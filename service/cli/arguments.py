@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from service.batch.formats import Form, Rows, TableFormat
+from service.batch.formats import Rows, SettingsForm, TableFormat
 
 __all__ = ["AsJson", "FormOption", "Input", "RowsOption", "Scheduler", "TableFormatOption"]
 
@@ -28,4 +28,4 @@ TableFormatOption = Annotated[
     TableFormat, typer.Option("--format", help="Lines of JSON, or a table.")
 ]
 RowsOption = Annotated[Rows, typer.Option("--rows", help="What a row of a table stands for.")]
-FormOption = Annotated[Form, typer.Option(help="Form of the settings in a table.")]
+FormOption = Annotated[SettingsForm, typer.Option(help="Form of the settings in a table.")]

@@ -15,7 +15,7 @@ from typing import IO, Any
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from service.batch.formats import Form, Rows, TableFormat
+from service.batch.formats import Rows, SettingsForm, TableFormat
 from service.batch.request_lines import Item, read_items
 from service.batch.results_file import opened
 from service.batch.runner import NoWorkersError, Run
@@ -43,7 +43,7 @@ def batch_file(
     scheduler: str | None,
     format_: TableFormat = TableFormat.NDJSON,
     each: Rows = Rows.REQUEST,
-    form: Form = Form.CASCADE,
+    form: SettingsForm = SettingsForm.CASCADE,
     curves: bool = True,
 ) -> ExitCode:
     """Tune every line of `requests`; write a line or rows for each, in the same order.
@@ -62,7 +62,7 @@ def batch_file(
         Lines of JSON, or a table.
     each : Rows
         What a row of a table stands for.
-    form : Form
+    form : SettingsForm
         Form of the settings in a table.
     curves : bool
         Whether results keep their curves over frequency, most of their size.
@@ -99,7 +99,7 @@ def sweep_file(
     scheduler: str | None,
     format_: TableFormat = TableFormat.CSV,
     each: Rows = Rows.REQUEST,
-    form: Form = Form.CASCADE,
+    form: SettingsForm = SettingsForm.CASCADE,
     figure: Path | None = None,
 ) -> ExitCode:
     """Tune the request in a file with some of its fields varied.
@@ -207,7 +207,7 @@ def _run_items(
     scheduler: str | None,
     format_: TableFormat,
     each: Rows,
-    form: Form,
+    form: SettingsForm,
     curves: bool,
     also: Through | None = None,
 ) -> ExitCode:

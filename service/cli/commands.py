@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from service import registry
-from service.batch.formats import Form, Rows, TableFormat
+from service.batch.formats import Rows, SettingsForm, TableFormat
 from service.cli.arguments import (
     AsJson,
     FormOption,
@@ -119,7 +119,7 @@ def batch(
     scheduler: Scheduler = None,
     format_: TableFormatOption = TableFormat.NDJSON,
     each: RowsOption = Rows.REQUEST,
-    form: FormOption = Form.CASCADE,
+    form: FormOption = SettingsForm.CASCADE,
     curves: Annotated[
         bool,
         typer.Option("--curves/--no-curves", help="Keep the curves, most of a result's size."),
@@ -166,7 +166,7 @@ def sweep(
     scheduler: Scheduler = None,
     format_: TableFormatOption = TableFormat.CSV,
     each: RowsOption = Rows.REQUEST,
-    form: FormOption = Form.CASCADE,
+    form: FormOption = SettingsForm.CASCADE,
     figure: Annotated[
         Path | None,
         typer.Option(metavar="FIGURE.html", help="Draw what is reached over the varied field."),

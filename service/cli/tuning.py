@@ -15,7 +15,7 @@ from service.cli.interruption import Stopping
 from service.cli.outcomes import ExitCode, exit_code_of, read_input, reported, say
 from service.cli.tables import tuning_table
 from service.schemas import TuningRequest, TuningResult, parse_tuning_request, tuning_to_json
-from service.tuned import Tuned
+from service.tuned import RequestedTuning
 from service.wording import number
 from solver.tuning.compiling import Compiling
 
@@ -67,7 +67,7 @@ def tune_file(
     if report is not None:
         from service.report.document import report_html  # noqa: PLC0415 - imports Plotly
 
-        report.write_text(report_html(Tuned(request, result), datetime.now(UTC)), "utf-8")
+        report.write_text(report_html(RequestedTuning(request, result), datetime.now(UTC)), "utf-8")
     return ExitCode.INTERRUPTED if stopping.wanted else exit_code_of(result)
 
 

@@ -12,7 +12,7 @@ from service.figures.panels import Panels
 from service.figures.style import COLOURS, IDENTICAL, THIN, line, numbers, time_title
 from service.sheet.naming import instrument_of, loops_name
 from service.sheet.responses import Moves
-from service.tuned import Tuned
+from service.tuned import RequestedTuning
 from service.wording import number
 from solver.simulation.experiment import StepKind
 
@@ -27,7 +27,7 @@ _TITLES = {
 _NAMES = {"identical": "identical settings", "as found": "as found"}
 
 
-def behaviour_figures(tuned: Tuned, moved: Sequence[Moves]) -> dict[str, go.Figure]:
+def behaviour_figures(tuned: RequestedTuning, moved: Sequence[Moves]) -> dict[str, go.Figure]:
     """Return a figure for each kind of step."""
     return {
         name: _figure(tuned, title, [each for each in moved if each.kind is kind])
@@ -35,7 +35,7 @@ def behaviour_figures(tuned: Tuned, moved: Sequence[Moves]) -> dict[str, go.Figu
     }
 
 
-def _figure(tuned: Tuned, title: str, moved: Sequence[Moves]) -> go.Figure:
+def _figure(tuned: RequestedTuning, title: str, moved: Sequence[Moves]) -> go.Figure:
     sizes = sorted({each.size for each in moved})
     steps = " or ".join(number(size, 3) for size in sizes)
     limited = any(each.limited for each in moved)
@@ -77,7 +77,7 @@ def _figure(tuned: Tuned, title: str, moved: Sequence[Moves]) -> go.Figure:
     return panels.figure()
 
 
-def _axis(tuned: Tuned, moved: Sequence[Moves], signal: str) -> str:
+def _axis(tuned: RequestedTuning, moved: Sequence[Moves], signal: str) -> str:
     """Return the title of an axis, with the unit where all loops have the same."""
     units = {getattr(instrument_of(tuned, each.units[0]), f"{signal}_unit") for each in moved}
     unit = units.pop() if len(units) == 1 else None

@@ -15,7 +15,7 @@ from service.figures.panels import Panels
 from service.figures.style import IDENTICAL, NEUTRAL, THIN, frequency_title, line, log_axis
 from service.schemas.drawn import DrawnCurves
 from service.schemas.peaks import Curves, Peak, Peaks
-from service.tuned import Tuned
+from service.tuned import RequestedTuning
 from service.wording import TIME_UNIT, number
 from solver.model.blocks import group_loops
 from solver.model.controllers import Controller
@@ -111,7 +111,7 @@ def _marks(curves: Curves, values: list[float | None], peak: Peak) -> list[Peak]
     return [peak, *(Peak(value=heights[index], omega=omega[index]) for index in chosen)]
 
 
-def tuned_mu(tuned: Tuned) -> go.Figure:
+def tuned_mu(tuned: RequestedTuning) -> go.Figure:
     """Return mu over frequency of a tuning, the best identical settings beside. Needs settings."""
     curves, peaks = _curves(tuned), tuned.result.peaks
     if peaks is None:
@@ -125,7 +125,7 @@ def tuned_mu(tuned: Tuned) -> go.Figure:
     return mu(curves, peaks, lower_bound=lower_bound, identical=identical, unit=tuned.unit)
 
 
-def _lower_bound(tuned: Tuned, omega: float | None) -> Peak | None:
+def _lower_bound(tuned: RequestedTuning, omega: float | None) -> Peak | None:
     """Return the lower bound of mu at the frequency of the peak, which shows the bounds' gap."""
     if omega is None or omega <= 0:  # no perturbation is sought at steady state
         return None
@@ -137,7 +137,7 @@ def _lower_bound(tuned: Tuned, omega: float | None) -> Peak | None:
     return Peak(value=worst.mu, omega=worst.omega)
 
 
-def controllers(tuned: Tuned) -> go.Figure:
+def controllers(tuned: RequestedTuning) -> go.Figure:
     """Return gain and phase of the controllers, identical ones beside. Needs settings."""
     curves = _curves(tuned)
     omega, shown = np.array(curves.omega), _shown(curves)
@@ -166,7 +166,7 @@ def controllers(tuned: Tuned) -> go.Figure:
     return panels.figure()
 
 
-def sensitivity(tuned: Tuned) -> go.Figure:
+def sensitivity(tuned: RequestedTuning) -> go.Figure:
     """Return |S| of each loop alone and the largest singular value of S, all closed.
 
     Needs settings. Loops that are unstable alone have no |S|.
@@ -204,7 +204,7 @@ def sensitivity(tuned: Tuned) -> go.Figure:
     return panels.figure()
 
 
-def _curves(tuned: Tuned) -> Curves:
+def _curves(tuned: RequestedTuning) -> Curves:
     if tuned.result.curves is None:
         message = "the result has no curves"
         raise InvalidInputError(message)
@@ -235,7 +235,7 @@ def _alone(
 
 
 def _together(
-    tuned: Tuned, loops: tuple[Controller, ...], omega: NDArray[np.float64]
+    tuned: RequestedTuning, loops: tuple[Controller, ...], omega: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return sigma_max(S): the bound of nominal performance, its weight divided out."""
     nominal = _analysis(tuned, loops).nominal_performance(omega)
@@ -243,7 +243,7 @@ def _together(
     return values
 
 
-def _analysis(tuned: Tuned, loops: tuple[Controller, ...]) -> LoopAnalysis:
+def _analysis(tuned: RequestedTuning, loops: tuple[Controller, ...]) -> LoopAnalysis:
     uncertainty, performance = tuned.uncertainty, tuned.performance
     scales = performance.output_scale
     blocks, distinct = group_loops(tuned.plant, loops, uncertainty.structure, scales)

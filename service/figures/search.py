@@ -11,7 +11,7 @@ from service.figures.panels import Panels
 from service.figures.style import COLOURS, IDENTICAL, NEUTRAL, line, log_axis, numbers
 from service.schemas.trade_off import TradeOff
 from service.schemas.tunings import Optimum
-from service.tuned import Tuned
+from service.tuned import RequestedTuning
 from service.wording import TIME_UNIT, number
 
 __all__ = ["landscape", "trade_off"]
@@ -20,7 +20,7 @@ _SHOWN = 12  # optima; the worse ones interest nobody
 _SYMBOLS = ("circle", "square", "diamond", "triangle-up", "cross", "star", "hexagon", "x")
 
 
-def landscape(tuned: Tuned) -> go.Figure:
+def landscape(tuned: RequestedTuning) -> go.Figure:
     """Return the local optima: value and how often each was found, and where its settings lie."""
     optima = tuned.result.search.local_optima[:_SHOWN]
     found = len(tuned.result.search.local_optima)

@@ -11,7 +11,7 @@ from service import simulations
 from service.figures.frequency import controllers, sensitivity, tuned_mu
 from service.figures.responses import tuned_response
 from service.figures.search import landscape
-from service.tuned import Tuned
+from service.tuned import RequestedTuning
 from solver.model.errors import InvalidInputError
 from solver.simulation.directions import difficult_direction, easy_direction
 
@@ -26,12 +26,12 @@ class TuningFigures:
     omitted: Mapping[str, str]
 
 
-def tuning_figures(tuned: Tuned) -> TuningFigures:
+def tuning_figures(tuned: RequestedTuning) -> TuningFigures:
     """Draw everything that a tuning has to show.
 
     Parameters
     ----------
-    tuned : Tuned
+    tuned : RequestedTuning
         Request and result. Without settings the landscape is all there is, if optima were found.
 
     """
@@ -49,7 +49,7 @@ def tuning_figures(tuned: Tuned) -> TuningFigures:
     return TuningFigures(figures, omitted)
 
 
-def _single(tuned: Tuned) -> go.Figure:
+def _single(tuned: RequestedTuning) -> go.Figure:
     return tuned_response(
         "Step responses: each loop alone",
         "Set-point step of one unit, all other loops open. " + _PANELS,
@@ -58,7 +58,7 @@ def _single(tuned: Tuned) -> go.Figure:
     )
 
 
-def _easy(tuned: Tuned) -> go.Figure:
+def _easy(tuned: RequestedTuning) -> go.Figure:
     return tuned_response(
         "Step responses: easy direction",
         "All loops closed; the set points change in the direction that needs the least input. "
@@ -68,7 +68,7 @@ def _easy(tuned: Tuned) -> go.Figure:
     )
 
 
-def _difficult(tuned: Tuned) -> go.Figure:
+def _difficult(tuned: RequestedTuning) -> go.Figure:
     return tuned_response(
         "Step responses: difficult direction",
         "All loops closed; the set points change in the direction that needs the most input. "
@@ -82,7 +82,7 @@ _PANELS = (
     "Outputs of the model, outputs with the worst error of the inputs, and the model's inputs."
 )
 
-_DRAWN: dict[str, Callable[[Tuned], go.Figure]] = {
+_DRAWN: dict[str, Callable[[RequestedTuning], go.Figure]] = {
     "mu": tuned_mu,
     "controllers": controllers,
     "sensitivity": sensitivity,

@@ -19,7 +19,7 @@ from service.configuration import Configuration
 from service.http import docs_page, errors
 from service.http.access import RateLimiter, authenticate
 from service.http.guards import Head, KnownHosts, SteadyBodies
-from service.http.metrics import Metrics
+from service.http.metrics import RequestMetrics
 from service.http.middleware import Compressed, Observed, SecurityHeaders
 from service.http.routes import (
     analyses,
@@ -97,7 +97,7 @@ def create_app(configuration: Configuration | None = None) -> FastAPI:
         lifespan=_lifespan,
     )
     app.state.configuration = configuration or Configuration()
-    app.state.metrics = Metrics()
+    app.state.metrics = RequestMetrics()
     errors.install(app)
     keys = app.state.configuration.api_keys_file
     app.state.keys = None if keys is None else KeyFile(keys)

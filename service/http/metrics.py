@@ -8,14 +8,14 @@ from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, gene
 
 from service.jobs.records import Ended, JobStatus
 
-__all__ = ["Metrics"]
+__all__ = ["RequestMetrics"]
 
 _UNITS = (1, 2, 5, 10, 100, 1000)
 _DURATION = (0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 30.0, 60.0, 300.0, 3600.0)
 _LATENCY = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.06, 0.1, 0.25, 1.0, 2.5, 10.0, 60.0)
 
 
-class Metrics:
+class RequestMetrics:
     """What the service measures; each app has its own registry."""
 
     def __init__(self) -> None:

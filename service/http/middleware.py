@@ -10,7 +10,7 @@ import structlog
 from starlette.middleware.gzip import GZipMiddleware
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from service.http.metrics import Metrics
+from service.http.metrics import RequestMetrics
 
 __all__ = ["Compressed", "Observed", "SecurityHeaders"]
 
@@ -26,7 +26,7 @@ class Observed:
     Neither query strings nor bodies are logged: they are the caller's business.
     """
 
-    def __init__(self, app: ASGIApp, metrics: Metrics) -> None:
+    def __init__(self, app: ASGIApp, metrics: RequestMetrics) -> None:
         self._app = app
         self._metrics = metrics
 

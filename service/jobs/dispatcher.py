@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from service.jobs.engine import Engine, EngineLostError, WorkerLostError
 from service.jobs.queue import Queue
-from service.jobs.records import Claim, Dispatch, Ended, JobStatus, Outcome, Priority
+from service.jobs.records import Dispatch, Ended, JobStatus, Outcome, Priority, TakenJob
 from service.jobs.transactions import StoreUnavailableError
 from service.jobs.watch import Watcher
 from service.problems import WorkerDiedError, describe
@@ -31,7 +31,7 @@ logger = logging.getLogger(__name__)
 class _RunningJob:
     """A job on the engine."""
 
-    claim: Claim
+    claim: TakenJob
     task: asyncio.Task[None] | None = None
 
     def stop(self) -> None:
@@ -130,7 +130,7 @@ class Dispatcher:
                 self._on_end(one)
         return dispatch
 
-    def _begin(self, claim: Claim) -> None:
+    def _begin(self, claim: TakenJob) -> None:
         run = _RunningJob(claim)
         self._runs.add(run)
         run.task = asyncio.create_task(self._run(run))
@@ -161,7 +161,7 @@ class Dispatcher:
         finally:
             self._runs.discard(run)
 
-    async def _after_loss(self, claim: Claim) -> None:
+    async def _after_loss(self, claim: TakenJob) -> None:
         attempts = claim.attempts + 1
         logger.warning("job %s lost its worker, attempt %d", claim.id, attempts)
         if attempts < self._max_attempts:
@@ -176,7 +176,7 @@ class Dispatcher:
         self._watcher.poke()
         self.wake()
 
-    def _end(self, claim: Claim, outcome: Outcome) -> None:
+    def _end(self, claim: TakenJob, outcome: Outcome) -> None:
         """Leave the end of a job to the next round, which writes it."""
         if outcome.status is JobStatus.CANCELLED:  # it was stopped, but not by us: run it again
             raise EngineLostError

@@ -25,7 +25,7 @@ from sqlalchemy import (
 )
 
 from service.jobs.models import BatchRow, JobRow
-from service.jobs.records import FINAL, UNFINISHED, Claim, Dispatch, Ended, JobStatus, Priority
+from service.jobs.records import FINAL, UNFINISHED, Dispatch, Ended, JobStatus, Priority, TakenJob
 from service.jobs.transactions import Transactions
 
 __all__ = ["Queue"]
@@ -205,11 +205,11 @@ def _end(connection: Connection, ended: Ended) -> bool:
     return bool(connection.execute(statement, values).rowcount)
 
 
-def _claim(connection: Connection, idle: int, now: float) -> list[Claim]:
+def _claim(connection: Connection, idle: int, now: float) -> list[TakenJob]:
     rows = connection.execute(_NEXT, {"idle": idle}).all()
     if rows:
         connection.execute(_START, [{"job": row.id, "now": now} for row in rows])
     return [
-        Claim(row.id, row.request, row.time_limit, row.attempts, Priority(row.priority), now)
+        TakenJob(row.id, row.request, row.time_limit, row.attempts, Priority(row.priority), now)
         for row in rows
     ]

@@ -12,7 +12,6 @@ __all__ = [
     "UNFINISHED",
     "Batch",
     "BatchItem",
-    "Claim",
     "Dispatch",
     "Ended",
     "Job",
@@ -21,6 +20,7 @@ __all__ = [
     "Outcome",
     "Priority",
     "Snapshot",
+    "TakenJob",
 ]
 
 
@@ -104,7 +104,7 @@ class Job:
 
 
 @dataclass(frozen=True)
-class Claim:
+class TakenJob:
     """A job that the dispatcher took from the queue; `attempts` counts the workers it lost."""
 
     id: str
@@ -129,7 +129,7 @@ class Outcome:
 class Ended:
     """A claimed job that has ended, how and when."""
 
-    claim: Claim
+    claim: TakenJob
     outcome: Outcome
     finished_at: float
 
@@ -145,7 +145,7 @@ class Dispatch:
 
     Parameters
     ----------
-    claims : list of Claim
+    claims : list of TakenJob
         Jobs to run next.
     cancelled : frozenset of str
         Running jobs that are to be cancelled, or that no longer exist.
@@ -156,7 +156,7 @@ class Dispatch:
 
     """
 
-    claims: list[Claim]
+    claims: list[TakenJob]
     cancelled: frozenset[str]
     waiting: int
     written: frozenset[str]

@@ -22,7 +22,7 @@ from service.figures.tuning import tuning_figures
 from service.report import mathml
 from service.report.rendering import render, source
 from service.schemas import canonical
-from service.tuned import Tuned
+from service.tuned import RequestedTuning
 from service.wording import OBJECTIVES, forms, headline, number, optimality_text, peak_rows
 from solver import __version__
 from solver.robustness.margins import Margins, loop_margins
@@ -30,12 +30,12 @@ from solver.robustness.margins import Margins, loop_margins
 __all__ = ["POLICY", "report_html"]
 
 
-def report_html(tuned: Tuned, made_at: datetime, job: str | None = None) -> str:
+def report_html(tuned: RequestedTuning, made_at: datetime, job: str | None = None) -> str:
     """Return the report of a tuning as the text of an HTML file.
 
     Parameters
     ----------
-    tuned : Tuned
+    tuned : RequestedTuning
         Request and result; without settings the report says why.
     made_at : datetime
         When the report is made, UTC.
@@ -81,14 +81,14 @@ def report_html(tuned: Tuned, made_at: datetime, job: str | None = None) -> str:
     )
 
 
-def _elements(tuned: Tuned) -> list[list[Markup]]:
+def _elements(tuned: RequestedTuning) -> list[list[Markup]]:
     plant = tuned.plant
     if plant.interchangeable:
         return []
     return [[mathml.transfer_function(each) for each in row] for row in plant.rows]
 
 
-def _margins(tuned: Tuned) -> list[tuple[str, ...]]:
+def _margins(tuned: RequestedTuning) -> list[tuple[str, ...]]:
     if not tuned.settings:
         return []
     rows: list[tuple[str, ...]] = []

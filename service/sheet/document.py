@@ -13,7 +13,7 @@ from service.schemas.sheet import Behaviour
 from service.sheet.naming import loops_name
 from service.sheet.responses import Measured, Moves, Response, moves
 from service.sheet.risks import Said, risks
-from service.tuned import Tuned
+from service.tuned import RequestedTuning
 from solver.model.errors import InvalidInputError
 from solver.robustness.analysis import analyse
 from solver.robustness.margins import Margins
@@ -35,7 +35,7 @@ class LoopSheet:
     omitted: Mapping[str, str]
 
 
-def loop_sheet(tuned: Tuned) -> LoopSheet:
+def loop_sheet(tuned: RequestedTuning) -> LoopSheet:
     """Return the sheet of a tuning; an empty one where there are no stable settings."""
     if not tuned.settings:
         return LoopSheet((), (), {}, {})
@@ -62,7 +62,7 @@ def loop_sheet(tuned: Tuned) -> LoopSheet:
 
 
 def _rows(
-    tuned: Tuned, moved: Sequence[Moves], analysed: Mapping[str, Robustness]
+    tuned: RequestedTuning, moved: Sequence[Moves], analysed: Mapping[str, Robustness]
 ) -> Iterator[Behaviour]:
     set_points = [each for each in moved if each.kind is StepKind.SETPOINT]
     loads = [each for each in moved if each.kind is StepKind.LOAD]

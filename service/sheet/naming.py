@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from service.schemas.fields import Instrument
-from service.tuned import Tuned
+from service.tuned import RequestedTuning
 from service.wording import loops_text
 
 __all__ = ["instrument_of", "loops_name"]
@@ -14,7 +14,7 @@ _LISTED = 3  # tags that are told one by one
 _UNKNOWN = Instrument()
 
 
-def instrument_of(tuned: Tuned, unit: int) -> Instrument:
+def instrument_of(tuned: RequestedTuning, unit: int) -> Instrument:
     """Return the signals of a unit (from 0), unknown ones where the request does not give them."""
     given = tuned.request.instruments or ()
     if len(given) == tuned.plant.n:
@@ -23,7 +23,7 @@ def instrument_of(tuned: Tuned, unit: int) -> Instrument:
     return given[0].model_copy(update={"tag": None}) if len(given) == 1 else _UNKNOWN
 
 
-def loops_name(tuned: Tuned, units: Sequence[int]) -> str:
+def loops_name(tuned: RequestedTuning, units: Sequence[int]) -> str:
     """Return ``TIC-101``, ``TIC-101, TIC-102`` or, without tags, ``loop 1`` or ``loops 1-25``."""
     tags = [instrument_of(tuned, unit).tag for unit in units[: _LISTED + 1]]
     if len(units) > _LISTED or None in tags:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.sheet.naming import instrument_of
-from service.tuned import Tuned
+from service.tuned import RequestedTuning
 from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError
 from solver.model.plants import Plant
@@ -99,12 +99,12 @@ class Moves:
     limited: Response | None
 
 
-def moves(tuned: Tuned, others: dict[str, tuple[Controller, ...]]) -> Iterator[Moves]:
+def moves(tuned: RequestedTuning, others: dict[str, tuple[Controller, ...]]) -> Iterator[Moves]:
     """Yield what follows a set-point step and a load on each kind of loop.
 
     Parameters
     ----------
-    tuned : Tuned
+    tuned : RequestedTuning
         Stable settings.
     others : dict
         Further settings by name, one controller a unit.
@@ -149,7 +149,7 @@ def interchange(plant: Plant, loops: Sequence[Controller]) -> bool:
     return len(interchangeable(plant, loops)) == 1
 
 
-def _step(tuned: Tuned, kind: StepKind, unit: int) -> Step:
+def _step(tuned: RequestedTuning, kind: StepKind, unit: int) -> Step:
     """Return a step of a tenth of the signal's span, of one where that is not known."""
     signals = instrument_of(tuned, unit)
     span = signals.output_span if kind is StepKind.SETPOINT else signals.input_span
@@ -160,7 +160,7 @@ def _step(tuned: Tuned, kind: StepKind, unit: int) -> Step:
 class _Task:
     """One step on one loop of the tuned plant."""
 
-    tuned: Tuned
+    tuned: RequestedTuning
     step: Step
 
     def duration(self, loops: Sequence[Controller]) -> float:
@@ -227,7 +227,7 @@ def _band(runs: Sequence[Response]) -> Band | None:
     )
 
 
-def _plants_of_the_set(tuned: Tuned) -> Iterator[Actuators]:
+def _plants_of_the_set(tuned: RequestedTuning) -> Iterator[Actuators]:
     """Yield actuators within the uncertainty: all up, all down, in turns, and the worst."""
     n = tuned.plant.n
     weight = tuned.uncertainty.weight

@@ -16,7 +16,7 @@ import numpy as np
 from service.schemas.sheet import Topic
 from service.sheet.naming import instrument_of, loops_name
 from service.sheet.responses import SHOWN, Moves
-from service.tuned import Tuned
+from service.tuned import RequestedTuning
 from service.wording import NO_LESS, number
 from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError
@@ -53,12 +53,14 @@ class Said:
     text: str
 
 
-def risks(tuned: Tuned, robustness: Robustness, moved: Sequence[Moves]) -> tuple[Said, ...]:
+def risks(
+    tuned: RequestedTuning, robustness: Robustness, moved: Sequence[Moves]
+) -> tuple[Said, ...]:
     """Return what can go wrong.
 
     Parameters
     ----------
-    tuned : Tuned
+    tuned : RequestedTuning
         Settings that are nominally stable.
     robustness : Robustness
         Of these settings, with the demand at the `tau_p` found.
@@ -85,7 +87,7 @@ def _sentence(text: str) -> str:
     return f"{text[:1].upper()}{text[1:].removesuffix('.')}."
 
 
-def _demand(tuned: Tuned, robustness: Robustness) -> Iterator[Said]:
+def _demand(tuned: RequestedTuning, robustness: Robustness) -> Iterator[Said]:
     assert robustness.peaks is not None  # noqa: S101 - for the type checker: the loops are stable
     peak = robustness.peaks.robust_performance.value
     if peak > _MET:
@@ -103,7 +105,7 @@ def _demand(tuned: Tuned, robustness: Robustness) -> Iterator[Said]:
             )  # fmt: skip
 
 
-def _manual(tuned: Tuned) -> Iterator[Said]:
+def _manual(tuned: RequestedTuning) -> Iterator[Said]:
     """Say what happens with one loop of each kind in manual."""
     plant, loops = tuned.plant, tuned.loops
     if plant.n == 1:
@@ -157,7 +159,7 @@ def _above_one(value: float) -> str:
     return short if float(short) > 1 else number(value, 7)
 
 
-def _worst_overshoot(tuned: Tuned, rest: Sequence[int]) -> tuple[str, float] | None:
+def _worst_overshoot(tuned: RequestedTuning, rest: Sequence[int]) -> tuple[str, float] | None:
     """Return which of the loops left overshoots most after a set-point step of its own."""
     part, remaining = subsystem(tuned.plant, tuned.loops, rest)
     assert tuned.result.tau_p is not None  # noqa: S101 - for the type checker: there are settings
@@ -253,7 +255,7 @@ def _stability(robustness: Robustness) -> Iterator[Said]:
         )  # fmt: skip
 
 
-def _saturation(tuned: Tuned, moved: Sequence[Moves]) -> Iterator[Said]:
+def _saturation(tuned: RequestedTuning, moved: Sequence[Moves]) -> Iterator[Said]:
     steps = [each for each in moved if each.kind is StepKind.SETPOINT]
     unknown = [each for each in steps if instrument_of(tuned, each.units[0]).input_span is None]
     if unknown:
@@ -271,7 +273,7 @@ def _saturation(tuned: Tuned, moved: Sequence[Moves]) -> Iterator[Said]:
             yield _saturated(tuned, each)
 
 
-def _saturated(tuned: Tuned, each: Moves) -> Said:
+def _saturated(tuned: RequestedTuning, each: Moves) -> Said:
     """Say what a valve that rests at mid range makes of a set-point step."""
     signals = instrument_of(tuned, each.units[0])
     assert signals.input_span is not None  # noqa: S101 - for the type checker: it is known
@@ -291,7 +293,7 @@ def _saturated(tuned: Tuned, each: Moves) -> Said:
     return Said("saturation", "note", text)
 
 
-def _stepped(tuned: Tuned, each: Moves) -> str:
+def _stepped(tuned: RequestedTuning, each: Moves) -> str:
     unit = instrument_of(tuned, each.units[0]).output_unit
     return f"A set-point step of {_with_unit(each.size, unit)} on {loops_name(tuned, each.units)}"
 
@@ -300,7 +302,7 @@ def _with_unit(value: float, unit: str | None) -> str:
     return f"{number(value, 3)} {unit}" if unit else number(value, 3)
 
 
-def _speed(tuned: Tuned, robustness: Robustness) -> Iterator[Said]:
+def _speed(tuned: RequestedTuning, robustness: Robustness) -> Iterator[Said]:
     """Say what keeps the loops from being faster."""
     binding = [outcome.name for outcome in tuned.result.demands if outcome.active]
     for name in binding:
@@ -320,7 +322,7 @@ def _speed(tuned: Tuned, robustness: Robustness) -> Iterator[Said]:
     )  # fmt: skip
 
 
-def _settings(tuned: Tuned) -> Iterator[Said]:
+def _settings(tuned: RequestedTuning) -> Iterator[Said]:
     """Say how many digits of the settings matter."""
     given = None
     for digits in _DIGITS:
@@ -342,7 +344,7 @@ def _settings(tuned: Tuned) -> Iterator[Said]:
     yield Said("settings", "bad", "The settings must be kept to more than five digits.")
 
 
-def _peak(tuned: Tuned) -> float:
+def _peak(tuned: RequestedTuning) -> float:
     peaks = tuned.result.peaks
     value = None if peaks is None else peaks.robust_performance.value
     return math.inf if value is None else value
@@ -361,7 +363,7 @@ def _rounded(loop: Controller, digits: int) -> Controller:
     )
 
 
-def _identical(tuned: Tuned) -> Iterator[Said]:
+def _identical(tuned: RequestedTuning) -> Iterator[Said]:
     comparison = tuned.result.comparison
     if comparison is None or comparison.gain_percent is None or len(tuned.settings) < 2:
         return

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING
 
 from flint import acb, fmpq, fmpq_poly
 
-from solver.certificate.enclosures import Frame, Ratio, Response, exact, is_hurwitz
-from solver.certificate.reduction import MAX_SETTINGS, Block, blocks, settings_of
+from solver.certificate.enclosures import ExactResponse, Frame, Ratio, exact, is_hurwitz
+from solver.certificate.reduction import MAX_SETTINGS, ExactBlock, blocks, settings_of
 from solver.certificate.taylor_models import TaylorModel
 from solver.model.controllers import DERIVATIVE_FILTER
 from solver.model.errors import InvalidInputError, UnsupportedPlantError
@@ -32,22 +32,22 @@ if TYPE_CHECKING:
     from solver.model.plants import Plant
     from solver.model.weights import Performance
 
-__all__ = ["EnclosedLoop", "Loop"]
+__all__ = ["EnclosedLoop", "ExactLoop"]
 
 Matrix = list[list[TaylorModel]]
 
 
 @dataclass(frozen=True, eq=False)
-class Loop:
+class ExactLoop:
     """Plant, weights, controllers and level in exact numbers.
 
     Parameters
     ----------
-    blocks : tuple of Block
+    blocks : tuple of ExactBlock
         The plant's independent blocks.
     controllers : tuple of Ratio
         The different settings.
-    uncertainty : Response
+    uncertainty : ExactResponse
         w_I.
     performance : Ratio
         w_P.
@@ -58,15 +58,15 @@ class Loop:
 
     """
 
-    blocks: tuple[Block, ...]
+    blocks: tuple[ExactBlock, ...]
     controllers: tuple[Ratio, ...]
-    uncertainty: Response
+    uncertainty: ExactResponse
     performance: Ratio
     level_squared: fmpq
     full: bool
 
     @classmethod
-    def of(cls, claim: Claim) -> Loop:
+    def of(cls, claim: Claim) -> ExactLoop:
         """Return the loop that a claim is about.
 
         Raises
@@ -93,7 +93,7 @@ class Loop:
             blocks(claim.plant, settings),
             tuple(_controller(group.controller) for group in settings),
             # Only |w_I| counts, so a dead time in it is left out.
-            Response.combined([(1, TransferFunction(w_I.num, w_I.den))]),
+            ExactResponse.combined([(1, TransferFunction(w_I.num, w_I.den))]),
             _performance_weight(claim.performance),
             exact(claim.gamma) ** 2,
             claim.uncertainty.structure is Structure.FULL,
@@ -170,7 +170,7 @@ class EnclosedLoop:
 
     Parameters
     ----------
-    loop : Loop
+    loop : ExactLoop
         The loop.
     frame : Frame
         Where to enclose it.
@@ -182,10 +182,10 @@ class EnclosedLoop:
 
     """
 
-    def __init__(self, loop: Loop, frame: Frame) -> None:
+    def __init__(self, loop: ExactLoop, frame: Frame) -> None:
         self.loop = loop
         self.frame = frame
-        self._responses: dict[tuple[Response, int], TaylorModel] = {}
+        self._responses: dict[tuple[ExactResponse, int], TaylorModel] = {}
         self._controllers = [ratio.enclose(frame, loop.raised) for ratio in loop.controllers]
         self.blocks = [self._enclose(block) for block in loop.blocks]
 
@@ -226,7 +226,7 @@ class EnclosedLoop:
         w_P = self.loop.performance.enclose(self.frame, self.loop.raised)
         return w_I * w_I.conjugate, w_P * w_P.conjugate
 
-    def _M(self, block: Block, X: Sequence[fmpq]) -> list[TaylorModel]:  # noqa: N802 - the matrix
+    def _M(self, block: ExactBlock, X: Sequence[fmpq]) -> list[TaylorModel]:  # noqa: N802 - the matrix
         """Return M, its diagonal, with its powers of |sigma|^2."""
         w_I, w_P = self._weights_squared
         controllers = [self._controllers[x] for x in block.settings]
@@ -235,7 +235,7 @@ class EnclosedLoop:
             for c, x in zip(controllers, block.settings, strict=True)
         ]
 
-    def _enclose(self, block: Block) -> EnclosedBlock:
+    def _enclose(self, block: ExactBlock) -> EnclosedBlock:
         identity, plant, return_difference = [], [], []
         for r, count in enumerate(block.integrators):
             powers = TaylorModel.constant(acb(1))
@@ -256,7 +256,7 @@ class EnclosedLoop:
             )
         return EnclosedBlock(identity, plant, return_difference)
 
-    def _response(self, response: Response, factors: int) -> TaylorModel:
+    def _response(self, response: ExactResponse, factors: int) -> TaylorModel:
         if (response, factors) not in self._responses:
             self._responses[response, factors] = response.enclose(self.frame, factors)
         return self._responses[response, factors]

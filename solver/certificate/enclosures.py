@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from solver.model.transfer_function import TransferFunction
 
-__all__ = ["Frame", "Interval", "Ratio", "Response", "exact", "is_hurwitz"]
+__all__ = ["ExactResponse", "Frame", "Interval", "Ratio", "exact", "is_hurwitz"]
 
 
 def exact(value: float) -> fmpq:
@@ -154,13 +154,13 @@ def _reversed(polynomial: fmpq_poly, degree: int) -> acb_poly:
 
 
 @dataclass(frozen=True, eq=False)
-class Response:
+class ExactResponse:
     """A sum of rational functions, each with its dead time."""
 
     terms: tuple[tuple[fmpq, Ratio], ...]
 
     @classmethod
-    def combined(cls, parts: Sequence[tuple[int, TransferFunction]]) -> Response:
+    def combined(cls, parts: Sequence[tuple[int, TransferFunction]]) -> ExactResponse:
         """Return the sum of factor times transfer function over `parts`.
 
         Parts with equal dead time are added exactly, so that nothing which cancels, such as an

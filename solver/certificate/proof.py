@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 
 from flint import acb, acb_mat, arb, arb_mat, fmpq
 
-from solver.certificate.enclosed_loop import EnclosedLoop, Loop
+from solver.certificate.enclosed_loop import EnclosedLoop, ExactLoop
 from solver.certificate.enclosures import Frame, Interval
 from solver.certificate.taylor_models import UnenclosedError, control_points
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 
-__all__ = ["Gap", "Turns", "examine", "unstable_poles"]
+__all__ = ["Gap", "Turns", "examine", "proven_unstable_poles"]
 
 
 class Gap(StrEnum):
@@ -46,12 +46,12 @@ class Turns:
     angles: tuple[arb, ...]
 
 
-def examine(loop: Loop, interval: Interval, scales: Sequence[float]) -> Turns | Gap:
+def examine(loop: ExactLoop, interval: Interval, scales: Sequence[float]) -> Turns | Gap:
     """Return the change of argument on the interval, or what could not be proven there.
 
     Parameters
     ----------
-    loop : Loop
+    loop : ExactLoop
         The loop and the level.
     interval : Interval
         Frequencies, rad per time unit.
@@ -80,12 +80,12 @@ def examine(loop: Loop, interval: Interval, scales: Sequence[float]) -> Turns | 
     return Turns(tuple(turns))
 
 
-def unstable_poles(loop: Loop, turns: Sequence[Turns]) -> int | None:
+def proven_unstable_poles(loop: ExactLoop, turns: Sequence[Turns]) -> int | None:
     """Return the number of closed-loop poles with Re s >= 0; None if the angles do not tell.
 
     Parameters
     ----------
-    loop : Loop
+    loop : ExactLoop
         The loop.
     turns : sequence of Turns
         Of intervals that cover all frequencies from 0 to infinity.
@@ -141,7 +141,7 @@ def _turn_along_the_axis(enclosed: EnclosedLoop, index: int, interval: Interval)
     return high - low
 
 
-def _turn_to_the_real_axis(loop: Loop, index: int, interval: Interval) -> arb | None:
+def _turn_to_the_real_axis(loop: ExactLoop, index: int, interval: Interval) -> arb | None:
     """Return the change of argument of det E from j low to the real axis, at a large |s|."""
     # The half disk holds both the axis beyond low and the arc that closes the contour.
     E = _values(EnclosedLoop(loop, interval.tail), index)
@@ -154,13 +154,15 @@ def _turn_to_the_real_axis(loop: Loop, index: int, interval: Interval) -> arb | 
     return -powers * arb.pi() / 2 - _argument(multiplier, loop, index, interval, interval.low)
 
 
-def _argument(multiplier: acb_mat, loop: Loop, index: int, interval: Interval, omega: float) -> arb:
+def _argument(
+    multiplier: acb_mat, loop: ExactLoop, index: int, interval: Interval, omega: float
+) -> arb:
     E = _values(_at(loop, omega, inverse=interval.unbounded), index)
     return (multiplier * E).det().arg()
 
 
 @lru_cache(maxsize=2)
-def _at(loop: Loop, omega: float, *, inverse: bool) -> EnclosedLoop:
+def _at(loop: ExactLoop, omega: float, *, inverse: bool) -> EnclosedLoop:
     """Return the loop at one frequency; an interval's end is the start of the next."""
     return EnclosedLoop(loop, Frame.at(omega, inverse=inverse))
 

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 
 from flint import fmpq
 
-from solver.certificate.enclosures import Response, exact
+from solver.certificate.enclosures import ExactResponse, exact
 from solver.model.plants import ParallelPlant
 from solver.model.weights import Structure
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from solver.model.controllers import Controller
     from solver.model.plants import Plant
 
-__all__ = ["MAX_SETTINGS", "Block", "GroupSettings", "blocks", "scale_count", "settings_of"]
+__all__ = ["MAX_SETTINGS", "ExactBlock", "GroupSettings", "blocks", "scale_count", "settings_of"]
 
 MAX_SETTINGS = 20  # the work grows with the cube: 10 take seconds, 20 half a minute
 
@@ -49,7 +49,7 @@ class GroupSettings:
 
 
 @dataclass(frozen=True, eq=False)
-class Block:
+class ExactBlock:
     """Part of the loop that shares only settings and D-scales with the rest.
 
     Parameters
@@ -60,7 +60,7 @@ class Block:
         How much each input counts in sums over the inputs, (k,).
     combination : tuple of tuples of fmpq
         T, which combines the outputs, (k, k) by rows.
-    factors, responses : tuples of tuples of fmpq, Response
+    factors, responses : tuples of tuples of fmpq, ExactResponse
         Elements of T G are a factor times a response, (k, k) by rows.
     multiplicity : int
         How often the block occurs.
@@ -71,7 +71,7 @@ class Block:
     weights: tuple[fmpq, ...]
     combination: tuple[tuple[fmpq, ...], ...]
     factors: tuple[tuple[fmpq, ...], ...]
-    responses: tuple[tuple[Response, ...], ...]
+    responses: tuple[tuple[ExactResponse, ...], ...]
     multiplicity: int = 1
 
     @cached_property
@@ -104,7 +104,7 @@ def scale_count(
     return 1 if structure is Structure.FULL else len(settings_of(plant, loops, output_scale))
 
 
-def blocks(plant: Plant, settings: Sequence[GroupSettings]) -> tuple[Block, ...]:
+def blocks(plant: Plant, settings: Sequence[GroupSettings]) -> tuple[ExactBlock, ...]:
     """Return the independent blocks of the loop."""
     errors = [exact(group.error) for group in settings]
     if isinstance(plant, ParallelPlant):
@@ -114,10 +114,10 @@ def blocks(plant: Plant, settings: Sequence[GroupSettings]) -> tuple[Block, ...]
 
 def _parallel_blocks(
     plant: ParallelPlant, sizes: Sequence[int], errors: Sequence[fmpq]
-) -> tuple[Block, ...]:
+) -> tuple[ExactBlock, ...]:
     groups = range(len(sizes))
-    mean = Response.combined([(1, plant.process), (plant.n - 1, plant.interaction)])
-    difference = Response.combined([(1, plant.process), (-1, plant.interaction)])
+    mean = ExactResponse.combined([(1, plant.process), (plant.n - 1, plant.interaction)])
+    difference = ExactResponse.combined([(1, plant.process), (-1, plant.interaction)])
     left = [[fmpq(size, plant.n) for size in sizes]]
     left += [[fmpq((b == a) - (b == a + 1)) for b in groups] for a in groups[:-1]]
     # Outputs divided by the group's size: the outer products then need the weights m_a only.
@@ -126,7 +126,7 @@ def _parallel_blocks(
         for row in left
     )
     modes = (mean, *[difference] * (len(sizes) - 1))
-    means = Block(
+    means = ExactBlock(
         settings=tuple(groups),
         weights=tuple(fmpq(size) for size in sizes),
         combination=combination,
@@ -137,21 +137,21 @@ def _parallel_blocks(
     return (
         means,
         *(
-            Block((a,), (fmpq(1),), one, one, ((difference,),), multiplicity=sizes[a] - 1)
+            ExactBlock((a,), (fmpq(1),), one, one, ((difference,),), multiplicity=sizes[a] - 1)
             for a in groups
             if sizes[a] > 1
         ),
     )
 
 
-def _matrix_block(plant: Plant, errors: Sequence[fmpq]) -> Block:
+def _matrix_block(plant: Plant, errors: Sequence[fmpq]) -> ExactBlock:
     size = range(plant.n)
-    return Block(
+    return ExactBlock(
         settings=tuple(size),
         weights=(fmpq(1),) * plant.n,
         combination=tuple(tuple(fmpq(r == c) for c in size) for r in size),
         factors=tuple(tuple(errors[c] / errors[r] for c in size) for r in size),
         responses=tuple(
-            tuple(Response.combined([(1, plant.element(r, c))]) for c in size) for r in size
+            tuple(ExactResponse.combined([(1, plant.element(r, c))]) for c in size) for r in size
         ),
     )

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solver.certificate.enclosed_loop import Loop
+from solver.certificate.enclosed_loop import ExactLoop
 from solver.certificate.enclosures import Interval
-from solver.certificate.proof import Gap, Turns, examine, unstable_poles
+from solver.certificate.proof import Gap, Turns, examine, proven_unstable_poles
 from solver.certificate.record import Certificate, Claim, ProvenInterval
 from solver.certificate.reduction import MAX_SETTINGS, settings_of
 from solver.certificate.taylor_models import PRECISION
@@ -102,12 +102,12 @@ def certify(
     if _leaves_powers(claim):
         return CertificateFailure(Obstacle.PROPORTIONAL)
     with working_precision(PRECISION):
-        search = _Search(claim, interrupt)
+        search = _CertificateSearch(claim, interrupt)
         try:
             search.cover_all_frequencies()
         except _ObstacleMetError as met:
             return met.failure
-        poles = unstable_poles(search.loop, search.turns)
+        poles = proven_unstable_poles(search.loop, search.turns)
     if poles != 0:
         # None cannot be: each interval's ball of angles is far smaller than a half turn.
         return CertificateFailure(Obstacle.UNSTABLE, unstable_poles=poles or 0)
@@ -127,12 +127,12 @@ def _leaves_powers(claim: Claim) -> bool:
     return any(without) and not (all(without) and claim.performance.offset > 0)
 
 
-class _Search:
+class _CertificateSearch:
     """Keeps what has been proven."""
 
     def __init__(self, claim: Claim, interrupt: Callable[[], object]) -> None:
         self.claim = claim
-        self.loop = Loop.of(claim)
+        self.loop = ExactLoop.of(claim)
         self.blocks, self.controllers = group_loops(
             claim.plant, claim.loops, claim.uncertainty.structure, claim.performance.output_scale
         )

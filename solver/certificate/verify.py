@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
-from solver.certificate.enclosed_loop import Loop
+from solver.certificate.enclosed_loop import ExactLoop
 from solver.certificate.enclosures import Interval
-from solver.certificate.proof import Gap, examine, unstable_poles
+from solver.certificate.proof import Gap, examine, proven_unstable_poles
 from solver.certificate.reading import read_certificate
 from solver.certificate.taylor_models import PRECISION
 from solver.model.errors import InvalidInputError
@@ -98,7 +98,7 @@ def check(certificate: Certificate) -> Verification:
         Too many different settings.
 
     """
-    loop = Loop.of(certificate.claim)
+    loop = ExactLoop.of(certificate.claim)
     gamma, count = certificate.claim.gamma, len(certificate.intervals)
     turns = []
     with working_precision(PRECISION):
@@ -114,7 +114,7 @@ def check(certificate: Certificate) -> Verification:
                     proven.interval,
                 )
             turns.append(found)
-        poles = unstable_poles(loop, turns)
+        poles = proven_unstable_poles(loop, turns)
     if poles != 0:
         reason = (
             "stability is undecided"

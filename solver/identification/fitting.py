@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from solver.identification.row import Row, Segment, Solved
 
-__all__ = ["Limits", "fit", "steps", "without_spikes"]
+__all__ = ["TimeLimits", "fit", "steps", "without_spikes"]
 
 MOST_STEPS = 60
 # A step that lowers the cost by less than this part changes no digit that noise leaves.
@@ -34,7 +34,7 @@ SPIKE_WINDOW = 11  # readings; a spike is shorter than half of it
 
 
 @dataclass(frozen=True)
-class Limits:
+class TimeLimits:
     """What the record can tell of times.
 
     Attributes
@@ -79,7 +79,7 @@ class Limits:
         return low, high
 
 
-def steps(kinds: Sequence[ElementKind], limits: Limits) -> list[float]:
+def steps(kinds: Sequence[ElementKind], limits: TimeLimits) -> list[float]:
     """Return half the distance of the differences, for each shape parameter.
 
     A thousandth of what a record resolves: far above rounding, far below curvature. Of the dead
@@ -93,7 +93,7 @@ def fit(
     row: Row,
     kinds: Sequence[ElementKind],
     shapes: Sequence[Sequence[float]],
-    limits: Limits,
+    limits: TimeLimits,
     most_steps: int = MOST_STEPS,
 ) -> Solved:
     """Return the best fit in the neighbourhood of `shapes`."""

@@ -20,7 +20,7 @@ from solver.identification.fitting import steps
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from solver.identification.fitting import Limits
+    from solver.identification.fitting import TimeLimits
     from solver.identification.row import Row, Solved
 
 __all__ = ["Covariance", "autoregression", "backwards", "covariance"]
@@ -64,7 +64,7 @@ class Covariance:
     independent: float
 
 
-def covariance(row: Row, solved: Solved, limits: Limits) -> Covariance:
+def covariance(row: Row, solved: Solved, limits: TimeLimits) -> Covariance:
     """Return the covariance of shapes and gains at a fit."""
     columns = [solved.left]
     if any(solved.shapes):
@@ -99,7 +99,7 @@ def covariance(row: Row, solved: Solved, limits: Limits) -> Covariance:
     )
 
 
-def _taken_as_known(solved: Solved, limits: Limits, size: int) -> NDArray[np.bool_]:
+def _taken_as_known(solved: Solved, limits: TimeLimits, size: int) -> NDArray[np.bool_]:
     """Whether each parameter is given: a fixed shape, or a lag as long as the record can tell.
 
     With such a lag goes a ratio of lags on its bound. Gains are then told for that lag.

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.identification.elements import ElementKind
-from solver.identification.fitting import Limits, fit
+from solver.identification.fitting import TimeLimits, fit
 from solver.identification.row import Row, Segment
 from solver.identification.start import scan
 from solver.model.errors import InvalidInputError
@@ -50,7 +50,7 @@ class Start(StrEnum):
     """They were zero for long; the record begins with a step to their first values."""
 
 
-def limits(records: Sequence[Record]) -> Limits:
+def limits(records: Sequence[Record]) -> TimeLimits:
     """Return what the records can tell of times.
 
     A lag longer than half of the longest record shows as a slope alone, one shorter than a quarter
@@ -59,7 +59,7 @@ def limits(records: Sequence[Record]) -> Limits:
     """
     span = max(record.span for record in records)
     sample = min(record.sampling_period for record in records)
-    return Limits(sample / 4, span / 2, span / 10, sample)
+    return TimeLimits(sample / 4, span / 2, span / 10, sample)
 
 
 def check_excitation(records: Sequence[Record]) -> None:

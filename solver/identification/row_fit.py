@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from solver.identification.fitting import Limits
+    from solver.identification.fitting import TimeLimits
     from solver.identification.row import Solved
     from solver.identification.selection import Allowed
 
@@ -42,7 +42,7 @@ class RowFit:
         The fit.
     covariance : Covariance
         Of shapes and gains.
-    limits : Limits
+    limits : TimeLimits
         The box of the shapes.
 
     """
@@ -50,7 +50,7 @@ class RowFit:
     row: Row
     solved: Solved
     covariance: Covariance
-    limits: Limits
+    limits: TimeLimits
 
     @property
     def elements(self) -> tuple[Element, ...]:
@@ -138,7 +138,7 @@ def _draw_gains(
         drawn[:, place] = gain * np.exp(slope + moved)
 
 
-def fit_row(row: Row, allowed: Allowed, limits: Limits) -> RowFit:
+def fit_row(row: Row, allowed: Allowed, limits: TimeLimits) -> RowFit:
     """Return the fit of a row, forms chosen by prediction."""
     row = _first_look(row, limits)
     thin = _thinned(row)
@@ -149,7 +149,7 @@ def fit_row(row: Row, allowed: Allowed, limits: Limits) -> RowFit:
 
 
 def refit_row(
-    row: Row, kinds: Sequence[ElementKind], shapes: Sequence[Sequence[float]], limits: Limits
+    row: Row, kinds: Sequence[ElementKind], shapes: Sequence[Sequence[float]], limits: TimeLimits
 ) -> RowFit:
     """Return the fit of given forms, from given shapes on; spikes and noise levels anew."""
     solved = fit(row, kinds, shapes, limits)
@@ -164,7 +164,7 @@ def refit_row(
     return RowFit(row, solved, covariance(row, solved, limits), limits)
 
 
-def _first_look(row: Row, limits: Limits) -> Row:
+def _first_look(row: Row, limits: TimeLimits) -> Row:
     """Return the row without the spikes that stand out from any fit."""
     rough = begin(_thinned(row), [ElementKind.FIRST] * row.inputs, limits)
     return without_spikes(row, row.solve(rough.kinds, rough.shapes))
@@ -194,7 +194,7 @@ def _levelled(row: Row, solved: Solved) -> Row:
     )
 
 
-def _rescanned(row: Row, solved: Solved, limits: Limits) -> Solved:
+def _rescanned(row: Row, solved: Solved, limits: TimeLimits) -> Solved:
     """Return a better fit from other dead times, where there is one: there are several minima."""
     thin = _thinned(row)
     best = solved

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from solver.identification.fitting import Limits
+    from solver.identification.fitting import TimeLimits
     from solver.identification.row import Solved
 
 __all__ = ["Allowed", "begin", "select"]
@@ -90,7 +90,7 @@ class Allowed:
         return found
 
 
-def begin(row: Row, kinds: Sequence[ElementKind], limits: Limits) -> Solved:
+def begin(row: Row, kinds: Sequence[ElementKind], limits: TimeLimits) -> Solved:
     """Return the best fit of given forms, from a scan."""
     scanned = scan(row, limits).shapes
     starts = [[_shape(kind, *shape, share) for kind, shape in zip(kinds, scanned, strict=True)]
@@ -101,7 +101,7 @@ def begin(row: Row, kinds: Sequence[ElementKind], limits: Limits) -> Solved:
     return min(fits, key=lambda one: one.cost)
 
 
-def select(row: Row, allowed: Allowed, limits: Limits) -> tuple[Solved, tuple[int, ...]]:
+def select(row: Row, allowed: Allowed, limits: TimeLimits) -> tuple[Solved, tuple[int, ...]]:
     """Return the fit with the forms that predict best, simple ones preferred.
 
     Elements without which the readings kept back are predicted as well have the shape of the
@@ -113,7 +113,7 @@ def select(row: Row, allowed: Allowed, limits: Limits) -> tuple[Solved, tuple[in
         Thinned: every trial is a handful of fits.
     allowed : Allowed
         What may be tried.
-    limits : Limits
+    limits : TimeLimits
         Bounds of the parameters.
 
     """
@@ -141,7 +141,7 @@ def select(row: Row, allowed: Allowed, limits: Limits) -> tuple[Solved, tuple[in
     return _without_unseen(row, best, score, limits)
 
 
-def _zero_is_told(row: Row, trial: Solved, index: int, limits: Limits) -> bool:
+def _zero_is_told(row: Row, trial: Solved, index: int, limits: TimeLimits) -> bool:
     """Whether a zero is more than a dead time in other words."""
     if trial.kinds[index].gains < 2:
         return True
@@ -153,7 +153,7 @@ def _zero_is_told(row: Row, trial: Solved, index: int, limits: Limits) -> bool:
 
 
 def _without_unseen(
-    row: Row, solved: Solved, score: NDArray[np.float64], limits: Limits
+    row: Row, solved: Solved, score: NDArray[np.float64], limits: TimeLimits
 ) -> tuple[Solved, tuple[int, ...]]:
     strength = [
         float(np.linalg.norm(solved.left[:, place] @ solved.gains[place]))
@@ -184,7 +184,7 @@ def _gain_places(kinds: Sequence[ElementKind]) -> list[slice]:
     return [slice(int(end) - kind.gains, int(end)) for end, kind in zip(ends, kinds, strict=True)]
 
 
-def kept_back(row: Row, solved: Solved, limits: Limits) -> NDArray[np.float64]:
+def kept_back(row: Row, solved: Solved, limits: TimeLimits) -> NDArray[np.float64]:
     """Return the squared error of prediction of each block, by what the other blocks tell."""
     each = max(math.ceil(BLOCKS / len(row.segments)), 2)
     labels, count = [], 0
@@ -217,7 +217,7 @@ def _better(simple: NDArray[np.float64], rich: NDArray[np.float64], *, fewer: bo
     return float(gain.sum()) > threshold
 
 
-def _richer(row: Row, solved: Solved, index: int, kind: ElementKind, limits: Limits) -> Solved:
+def _richer(row: Row, solved: Solved, index: int, kind: ElementKind, limits: TimeLimits) -> Solved:
     old, shape = solved.kinds[index], solved.shapes[index]
     options: list[tuple[float, ...]]
     kinds = [*solved.kinds[:index], kind, *solved.kinds[index + 1 :]]

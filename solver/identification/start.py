@@ -19,7 +19,7 @@ from solver.identification.row import orthonormal
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from solver.identification.fitting import Limits
+    from solver.identification.fitting import TimeLimits
     from solver.identification.row import Row
 
 __all__ = ["Scanned", "scan"]
@@ -38,7 +38,7 @@ class Scanned:
     cost: float
 
 
-def scan(row: Row, limits: Limits) -> Scanned:
+def scan(row: Row, limits: TimeLimits) -> Scanned:
     """Return the best combination of first-order elements on a grid."""
     grid = [
         (math.log(lag), dead)
@@ -50,7 +50,7 @@ def scan(row: Row, limits: Limits) -> Scanned:
     return Scanned(tuple(grid[index] for index in choice), cost)
 
 
-def _dead_times(limits: Limits) -> list[float]:
+def _dead_times(limits: TimeLimits) -> list[float]:
     if not limits.dead_time:
         return [0.0]
     low = min(limits.sample / 2, limits.dead_time / 2)

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.interaction.integral_controllability import (
+    ControllabilityVerdict,
     IntegralControllability,
-    Verdict,
     integral_controllability,
     parallel_integral_controllability,
 )
@@ -308,7 +308,7 @@ def _warnings(
         for reading in loops
         if reading.meaning in {LoopMeaning.REVERSED, LoopMeaning.DEPENDENT}
     ]
-    if controllability is not None and controllability.verdict is Verdict.IMPOSSIBLE:
+    if controllability is not None and controllability.verdict is ControllabilityVerdict.IMPOSSIBLE:
         found.append(
             "As numbered, no decentralised integral control survives all changes of the loops' "
             "gains: " + "; ".join(controllability.reasons[:3]) + "."

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from solver.interaction.rational_matrix import Root
-from solver.interaction.zero_search import Box, zeros_in_box
+from solver.interaction.zero_search import Rectangle, zeros_in_box
 from solver.model.frequencies import corners_of
 from solver.stability.singular import is_singular
 
@@ -80,7 +80,7 @@ def right_half_plane_zeros(
         return None
     # Off-round numbers: a zero at a round place must not meet the edge. The lower half plane
     # follows by symmetry.
-    box = Box(-margin, -1.1 * margin, 1.00077 * radius, 1.00181 * radius)
+    box = Rectangle(-margin, -1.1 * margin, 1.00077 * radius, 1.00181 * radius)
     roots: list[Root] = []
     for root in zeros_in_box(determinant, box):
         value, count = root.value, root.multiplicity

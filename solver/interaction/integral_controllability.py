@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from solver.interaction.parallel_matrix import ParallelMatrix
 
 __all__ = [
+    "ControllabilityVerdict",
     "IntegralControllability",
-    "Verdict",
     "integral_controllability",
     "parallel_integral_controllability",
 ]
@@ -36,7 +36,7 @@ __all__ = [
 _ZERO = 1e-12
 
 
-class Verdict(StrEnum):
+class ControllabilityVerdict(StrEnum):
     """Whether the plant, as paired, is decentralised integral controllable.
 
     GUARANTEED: proven. IMPOSSIBLE: disproven; see `reasons`; try another pairing. UNDECIDED: the
@@ -54,7 +54,7 @@ class IntegralControllability:
 
     Attributes
     ----------
-    verdict : Verdict
+    verdict : ControllabilityVerdict
         What they say together.
     reasons : tuple of str
         Each necessary condition that fails, in words.
@@ -70,7 +70,7 @@ class IntegralControllability:
 
     """
 
-    verdict: Verdict
+    verdict: ControllabilityVerdict
     reasons: tuple[str, ...]
     failing_subsets: tuple[tuple[int, ...], ...]
     smallest_eigenvalue: float
@@ -99,7 +99,7 @@ def integral_controllability(gain: NDArray[np.float64]) -> IntegralControllabili
         dead = tuple((int(loop),) for loop in np.flatnonzero(diagonal == 0))
         names = ", ".join(str(loop + 1) for (loop,) in dead)
         reason = f"no gain from input to output in loop {names}"
-        return IntegralControllability(Verdict.IMPOSSIBLE, (reason,), dead, 0.0)
+        return IntegralControllability(ControllabilityVerdict.IMPOSSIBLE, (reason,), dead, 0.0)
     positive = gain * np.sign(diagonal)
     smallest = float(np.min(np.linalg.eigvals(positive).real))
     failing: list[tuple[int, ...]] = []
@@ -114,9 +114,13 @@ def integral_controllability(gain: NDArray[np.float64]) -> IntegralControllabili
                 names = ", ".join(str(loop + 1) for loop in subset)
                 reasons.append(f"loops {names}: {failure}")
     if failing:
-        return IntegralControllability(Verdict.IMPOSSIBLE, tuple(reasons), tuple(failing), smallest)
+        return IntegralControllability(
+            ControllabilityVerdict.IMPOSSIBLE, tuple(reasons), tuple(failing), smallest
+        )
     scaling = _diagonal_proof(positive)
-    verdict = Verdict.UNDECIDED if scaling is None else Verdict.GUARANTEED
+    verdict = (
+        ControllabilityVerdict.UNDECIDED if scaling is None else ControllabilityVerdict.GUARANTEED
+    )
     return IntegralControllability(verdict, (), (), smallest, scaling)
 
 
@@ -135,14 +139,18 @@ def parallel_integral_controllability(matrix: ParallelMatrix) -> IntegralControl
     n, own, other = matrix.n, float(np.real(matrix.own)), float(np.real(matrix.other))
     if own == 0:
         reason = "no gain from input to output in any loop"
-        return IntegralControllability(Verdict.IMPOSSIBLE, (reason,), ((0,),), 0.0)
+        return IntegralControllability(ControllabilityVerdict.IMPOSSIBLE, (reason,), ((0,),), 0.0)
     if n == 1:
-        return IntegralControllability(Verdict.GUARANTEED, (), (), abs(own), np.ones(1), None, None)
+        return IntegralControllability(
+            ControllabilityVerdict.GUARANTEED, (), (), abs(own), np.ones(1), None, None
+        )
     a = other / own
     lower = -1 / (n - 1)
     smallest = min(1 - a, 1 + (n - 1) * a) * abs(own)
     if lower < a < 1:
-        return IntegralControllability(Verdict.GUARANTEED, (), (), smallest, np.ones(n), lower, 1.0)
+        return IntegralControllability(
+            ControllabilityVerdict.GUARANTEED, (), (), smallest, np.ones(n), lower, 1.0
+        )
     failing: tuple[int, ...] = (0, 1)
     if a == 1:
         reason = (
@@ -165,7 +173,7 @@ def parallel_integral_controllability(matrix: ParallelMatrix) -> IntegralControl
             "of one stream; check the model, or pair the loops anew"
         )
     return IntegralControllability(
-        Verdict.IMPOSSIBLE, (reason,), (failing,), smallest, None, lower, 1.0
+        ControllabilityVerdict.IMPOSSIBLE, (reason,), (failing,), smallest, None, lower, 1.0
     )
 
 

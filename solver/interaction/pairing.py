@@ -17,7 +17,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from solver.interaction.integral_controllability import (
-    Verdict,
+    ControllabilityVerdict,
     integral_controllability,
     parallel_integral_controllability,
 )
@@ -73,7 +73,7 @@ class Pairing(ByValue):
     distance : float
         Sum over the pairs of |ln lambda|, zero without interaction: halving and doubling a
         gain count alike, as they do in `BAND`. A pair with lambda <= 0 adds more than 1000.
-    integral_controllability : Verdict or None
+    integral_controllability : ControllabilityVerdict or None
         Whether loops so paired may be detuned or switched off in any order. None for plants that
         are not stable, since the conditions do not apply, and behind the first `TESTED` pairings
         that pass, for those of which only the minors were looked at.
@@ -86,12 +86,15 @@ class Pairing(ByValue):
     admissible: bool
     within_band: bool
     distance: float
-    integral_controllability: Verdict | None = None
+    integral_controllability: ControllabilityVerdict | None = None
 
     @property
     def sound(self) -> bool:
         """Whether it is admissible and not known to fail when loops are detuned or switched off."""
-        return self.admissible and self.integral_controllability is not Verdict.IMPOSSIBLE
+        return (
+            self.admissible
+            and self.integral_controllability is not ControllabilityVerdict.IMPOSSIBLE
+        )
 
 
 @dataclass(frozen=True)
@@ -180,9 +183,11 @@ def rank_pairings(gain: NDArray[np.float64], *, stable: bool = True) -> PairingR
         possible[admissible] = _minors_positive(gain, candidates[admissible])
     verdicts = _verdicts(gain, candidates, distances, possible) if stable else {}
     sound = possible.copy()
-    sound[[index for index, each in verdicts.items() if each is Verdict.IMPOSSIBLE]] = False
+    sound[
+        [index for index, each in verdicts.items() if each is ControllabilityVerdict.IMPOSSIBLE]
+    ] = False
     order = np.lexsort((distances, ~admissible, ~sound))[:KEPT]
-    failed = Verdict.IMPOSSIBLE if stable else None
+    failed = ControllabilityVerdict.IMPOSSIBLE if stable else None
     pairings = tuple(
         _pairing(
             tuple(int(c) for c in candidates[index]),
@@ -233,7 +238,7 @@ def rank_parallel_pairings(matrix: ParallelMatrix, *, stable: bool = True) -> Pa
             verdict = (
                 parallel_integral_controllability(matrix).verdict
                 if kept.all()
-                else Verdict.IMPOSSIBLE
+                else ControllabilityVerdict.IMPOSSIBLE
             )
         gains = np.where(kept, own, other)
         relative_gains = np.where(kept, own_relative_gain, other_relative_gain)
@@ -258,7 +263,7 @@ def _pairing(
     relative_gains: NDArray[np.float64],
     index: float,
     distance: float,
-    verdict: Verdict | None,
+    verdict: ControllabilityVerdict | None,
 ) -> Pairing:
     return Pairing(
         inputs=inputs,
@@ -276,14 +281,14 @@ def _verdicts(
     candidates: NDArray[np.intp],
     distances: NDArray[np.float64],
     possible: NDArray[np.bool_],
-) -> dict[int, Verdict]:
+) -> dict[int, ControllabilityVerdict]:
     """Test the possible candidates by rising distance, until `TESTED` have passed."""
-    verdicts: dict[int, Verdict] = {}
+    verdicts: dict[int, ControllabilityVerdict] = {}
     passed = 0
     for index in np.flatnonzero(possible)[np.argsort(distances[possible], kind="stable")]:
         verdict = integral_controllability(gain[:, candidates[index]]).verdict
         verdicts[int(index)] = verdict
-        passed += verdict is not Verdict.IMPOSSIBLE
+        passed += verdict is not ControllabilityVerdict.IMPOSSIBLE
         if passed == TESTED:
             break
     return verdicts

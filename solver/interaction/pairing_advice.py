@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solver.interaction.integral_controllability import Verdict
+from solver.interaction.integral_controllability import ControllabilityVerdict
 from solver.interaction.interpretation import LoopMeaning
 from solver.interaction.pairing import BAND
 
@@ -109,14 +109,14 @@ def pairing_warnings(
         )
         return (message,)
     found = []
-    if controllability is not None and controllability.verdict is Verdict.IMPOSSIBLE:
+    if controllability is not None and controllability.verdict is ControllabilityVerdict.IMPOSSIBLE:
         inputs = ", ".join(str(index + 1) for index in best.inputs[:10])
         found.append(
             f"Take the inputs {inputs}{', ...' if len(best.inputs) > 10 else ''} for the outputs "
             "1, 2, ... instead: so paired, "
             + (
                 "loops may be detuned and switched off one by one."
-                if best.integral_controllability is Verdict.GUARANTEED
+                if best.integral_controllability is ControllabilityVerdict.GUARANTEED
                 else "no condition excludes that loops are detuned and switched off one by one."
             )
         )

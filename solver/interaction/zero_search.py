@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     Function = Callable[[NDArray[Any]], NDArray[np.complex128]]
 
-__all__ = ["Box", "zeros_in_box"]
+__all__ = ["Rectangle", "zeros_in_box"]
 
 # A box is split off its middle: real zeros and those of symmetric plants lie on halves.
 _SPLIT = 0.4837
@@ -31,7 +31,7 @@ _MAX_POINTS = 100_000
 
 
 @dataclass(frozen=True)
-class Box:
+class Rectangle:
     """The rectangle of complex numbers between two corners."""
 
     left: float
@@ -57,29 +57,29 @@ class Box:
             and self.bottom - reach <= point.imag <= self.top + reach
         )
 
-    def halves(self) -> tuple[Box, Box]:
+    def halves(self) -> tuple[Rectangle, Rectangle]:
         """Split across the longer side."""
         if self.right - self.left >= self.top - self.bottom:
             cut = self.left + _SPLIT * (self.right - self.left)
             return (
-                Box(self.left, self.bottom, cut, self.top),
-                Box(cut, self.bottom, self.right, self.top),
+                Rectangle(self.left, self.bottom, cut, self.top),
+                Rectangle(cut, self.bottom, self.right, self.top),
             )
         cut = self.bottom + _SPLIT * (self.top - self.bottom)
         return (
-            Box(self.left, self.bottom, self.right, cut),
-            Box(self.left, cut, self.right, self.top),
+            Rectangle(self.left, self.bottom, self.right, cut),
+            Rectangle(self.left, cut, self.right, self.top),
         )
 
 
-def zeros_in_box(function: Function, box: Box) -> tuple[Root, ...]:
+def zeros_in_box(function: Function, box: Rectangle) -> tuple[Root, ...]:
     """Return the zeros of `function` in the box, clusters as one with their number.
 
     Parameters
     ----------
     function : callable
         Analytic on the box, values (m,) complex at points (m,) complex; not zero throughout.
-    box : Box
+    box : Rectangle
         Its edge passes through no zero.
 
     """
@@ -103,7 +103,7 @@ def zeros_in_box(function: Function, box: Box) -> tuple[Root, ...]:
     return tuple(sorted(roots, key=lambda root: (abs(root.value), root.value.imag)))
 
 
-def _winding(function: Function, box: Box) -> int:
+def _winding(function: Function, box: Rectangle) -> int:
     """Winding number of the function along the edge of the box, anticlockwise."""
     corners = [
         complex(box.left, box.bottom),
@@ -156,7 +156,7 @@ def _samples(start: complex, end: complex) -> NDArray[np.float64]:
     return np.asarray(np.unique(inside), dtype=np.float64)
 
 
-def _polish(function: Function, box: Box) -> complex | None:
+def _polish(function: Function, box: Rectangle) -> complex | None:
     """Secant iteration from the middle of the box; None where it leaves the box or stalls."""
     before, now = box.centre + 0.01 * box.size, box.centre
     value_before = complex(function(np.array([before]))[0])

@@ -20,7 +20,7 @@ from solver.robustness.centralised import (
     CentralisedAnalysis,
     ModeController,
     analyse_centralised,
-    closed_loop_poles,
+    centralised_poles,
 )
 
 if TYPE_CHECKING:
@@ -127,7 +127,7 @@ def _reduced(
         analysis = CentralisedAnalysis(search.blocks, controllers, search.uncertainty, performance)
         if (
             analysis.robust_performance(found.omega).max() <= allowed
-            and closed_loop_poles(search.blocks, controllers) == 0
+            and centralised_poles(search.blocks, controllers) == 0
         ):
             return controllers
     return None

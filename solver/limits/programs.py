@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-__all__ = ["AffineBlock", "MatrixProgram", "ScalarProgram", "Step"]
+__all__ = ["AffineBlock", "MatrixProgram", "Proposal", "ScalarProgram"]
 
 LARGEST_RISE = 20.0  # of v in one step: a scale that does not matter would run away
 TOLERANCE = 1e-7  # of the normalised program; a bound is recomputed from what it returns
@@ -66,7 +66,7 @@ class AffineBlock:
 
 
 @dataclass(frozen=True)
-class Step:
+class Proposal:
     """What a program proposes.
 
     Attributes
@@ -122,7 +122,7 @@ class ScalarProgram:
         level: float,
         w_I: NDArray[np.float64],
         w_P: NDArray[np.float64],
-    ) -> Step | None:
+    ) -> Proposal | None:
         """Return a step from the scales v (k, 1) at mu = `level`; None where the solver gave none.
 
         Parameters
@@ -147,7 +147,7 @@ class ScalarProgram:
         values = [x.value for x in self.x]
         if any(value is None or not np.isfinite(value).all() for value in values):
             return None
-        return Step([value[:, None, None] for value in values], float(self.slack.value))
+        return Proposal([value[:, None, None] for value in values], float(self.slack.value))
 
     def _run(self) -> None:
         with warnings.catch_warnings():
@@ -177,7 +177,7 @@ class MatrixProgram:
         level: float,
         w_I: NDArray[np.float64],
         w_P: NDArray[np.float64],
-    ) -> Step | None:
+    ) -> Proposal | None:
         """As `ScalarProgram.solve`, v (k, scales)."""
         block, m = self.block, self.size
         count, functions = block.slope.shape[:2]
@@ -219,7 +219,7 @@ class MatrixProgram:
         x = program.solve(constant, 6 * m, places.ravel())
         if x is None:
             return None
-        return Step([x[:variables].reshape(functions, m, m)], float(x[-1]))
+        return Proposal([x[:variables].reshape(functions, m, m)], float(x[-1]))
 
     def _packed(self, H: NDArray[np.complex128]) -> NDArray[np.float64]:
         """Hermitian matrices (..., q, q) as scaled triangles of real ones twice their size."""

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from solver.model.controllers import Controller
     from solver.model.transfer_function import TransferFunction
 
-__all__ = ["Block", "Layout", "LoopBlocks", "Term", "group_loops", "reduce"]
+__all__ = ["Block", "Layout", "LoopBlocks", "WeightedElement", "group_loops", "reduce"]
 
 
 class Layout(NamedTuple):
@@ -57,7 +57,7 @@ class Layout(NamedTuple):
     first: NDArray[np.int64]
 
 
-class Term(NamedTuple):
+class WeightedElement(NamedTuple):
     """A transfer function of the plant, and what it is multiplied by."""
 
     factor: float
@@ -155,24 +155,29 @@ class LoopBlocks:
         e = np.array([self.output_scale[part[0]] for part in self.parts])
         return np.asarray(e / e[:, None])
 
-    def terms(self, index: int) -> tuple[tuple[tuple[Term, ...], ...], ...]:
+    def terms(self, index: int) -> tuple[tuple[tuple[WeightedElement, ...], ...], ...]:
         """Return what the entries of block `index` are sums of, row by row."""
         plant = self.plant
         if not isinstance(plant, ParallelPlant):
             return tuple(
-                tuple((Term(ratio, element),) for ratio, element in zip(*row, strict=True))
+                tuple(
+                    (WeightedElement(ratio, element),) for ratio, element in zip(*row, strict=True)
+                )
                 for row in zip(self.ratios.tolist(), plant.rows, strict=True)
             )
         g, i = plant.process, plant.interaction
         if index:
-            return (((Term(1.0, g), Term(-1.0, i)),),)
+            return (((WeightedElement(1.0, g), WeightedElement(-1.0, i)),),)
         sizes = [len(part) for part in self.parts]
         coupling = np.sqrt(np.outer(sizes, sizes)) * self.ratios
         return tuple(
             tuple(
-                (Term(float(coupling[a, b]), i),)
+                (WeightedElement(float(coupling[a, b]), i),)
                 if a != b
-                else (Term(1.0, g), *([Term(sizes[a] - 1.0, i)] if sizes[a] > 1 else []))
+                else (
+                    WeightedElement(1.0, g),
+                    *([WeightedElement(sizes[a] - 1.0, i)] if sizes[a] > 1 else []),
+                )
                 for b in range(len(sizes))
             )
             for a in range(len(sizes))

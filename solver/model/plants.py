@@ -36,7 +36,7 @@ __all__ = [
     "MAX_UNITS",
     "MatrixPlant",
     "ParallelPlant",
-    "Place",
+    "PlacedElement",
     "Plant",
     "first_order",
 ]
@@ -45,7 +45,7 @@ MAX_UNITS = 10_000
 MAX_MATRIX_SIZE = 10
 
 
-class Place(NamedTuple):
+class PlacedElement(NamedTuple):
     """Where a plant has an element: in words, and as a JSON pointer within the plant."""
 
     words: str
@@ -69,7 +69,7 @@ class Plant(ABC):
 
     @property
     @abstractmethod
-    def places(self) -> tuple[Place, ...]:
+    def places(self) -> tuple[PlacedElement, ...]:
         """The different elements, each where the description of the plant has it."""
 
     @property
@@ -152,12 +152,12 @@ class ParallelPlant(Plant):
         return True
 
     @property
-    def places(self) -> tuple[Place, ...]:
+    def places(self) -> tuple[PlacedElement, ...]:
         """The process and, of two units or more, the interaction."""
-        process = Place("process", "/process", self.process)
+        process = PlacedElement("process", "/process", self.process)
         if self.n == 1:
             return (process,)
-        return process, Place("interaction", "/interaction", self.interaction)
+        return process, PlacedElement("interaction", "/interaction", self.interaction)
 
     def element(self, row: int, column: int) -> TransferFunction:
         """Return the transfer function from input `column` to output `row`."""
@@ -210,10 +210,10 @@ class MatrixPlant(Plant):
         return False
 
     @property
-    def places(self) -> tuple[Place, ...]:
+    def places(self) -> tuple[PlacedElement, ...]:
         """All elements, row by row."""
         return tuple(
-            Place(f"element {row + 1}, {column + 1}", f"/elements/{row}/{column}", element)
+            PlacedElement(f"element {row + 1}, {column + 1}", f"/elements/{row}/{column}", element)
             for row, elements in enumerate(self.elements_by_row)
             for column, element in enumerate(elements)
         )

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
     from solver.mu.structure import BlockStructure
 
-__all__ = ["LowerBound", "lower_bound"]
+__all__ = ["MuLowerBound", "lower_bound"]
 
 MIXTURES = 6  # of the top singular vectors: one suffices in 99 of 100 cases that are exact
 ACTIVE = 1e-3  # relative distance from the greatest singular value that counts as equal
@@ -48,7 +48,7 @@ SMALLEST = 1e-300
 
 
 @dataclass(frozen=True)
-class LowerBound:
+class MuLowerBound:
     """Lower bound of mu at each frequency.
 
     `mu` : (k,); `Delta` : (k, p, p) complex, block diagonal, every block of norm one (or zero),
@@ -61,7 +61,7 @@ class LowerBound:
 
 def lower_bound(
     N: NDArray[np.complex128], structure: BlockStructure, d: NDArray[np.float64]
-) -> LowerBound:
+) -> MuLowerBound:
     """Lower bound of mu for complex blocks.
 
     Equal to mu where it meets the upper bound at `scales`. For three blocks or fewer it does, if
@@ -79,7 +79,7 @@ def lower_bound(
 
     Returns
     -------
-    LowerBound
+    MuLowerBound
         The bound and its perturbation at each frequency. Deterministic.
 
     Raises
@@ -117,7 +117,7 @@ def lower_bound(
     return best
 
 
-def _keep_better(best: LowerBound, where: NDArray[np.intp], candidate: LowerBound) -> None:
+def _keep_better(best: MuLowerBound, where: NDArray[np.intp], candidate: MuLowerBound) -> None:
     """Put the candidates into `best` at the frequencies `where` they raise the bound."""
     improved = candidate.mu > best.mu[where]
     best.mu[where[improved]] = candidate.mu[improved]
@@ -141,7 +141,9 @@ class _Blocks:
         return norms
 
 
-def _attained(N: NDArray[np.complex128], v: NDArray[np.complex128], blocks: _Blocks) -> LowerBound:
+def _attained(
+    N: NDArray[np.complex128], v: NDArray[np.complex128], blocks: _Blocks
+) -> MuLowerBound:
     """Return the spectral radius of N Delta and Delta, whose blocks turn N v into v."""
     image = _times(N, v)
     target = v / np.maximum(blocks.norms(v), SMALLEST)
@@ -153,7 +155,7 @@ def _attained(N: NDArray[np.complex128], v: NDArray[np.complex128], blocks: _Blo
     )[:, 0]
     mu = np.abs(largest)
     turn = largest.conj() / np.maximum(mu, SMALLEST)
-    return LowerBound(mu, Delta * turn[:, None, None])
+    return MuLowerBound(mu, Delta * turn[:, None, None])
 
 
 def _mixture(
@@ -169,12 +171,12 @@ def _mixture(
     return _unit(np.einsum("kj,kji->ki", weights, right.conj()))
 
 
-def _search(N: NDArray[np.complex128], blocks: _Blocks, seed: int) -> LowerBound:
+def _search(N: NDArray[np.complex128], blocks: _Blocks, seed: int) -> MuLowerBound:
     """Return the best of several power iterations, polished."""
     right, left = _power_iteration(N, blocks, seed)
     values = np.stack([_attained(N, right[:, start], blocks).mu for start in range(STARTS)], axis=1)
     here = np.arange(N.shape[0])
-    best = LowerBound(np.zeros(N.shape[0]), np.zeros_like(N))
+    best = MuLowerBound(np.zeros(N.shape[0]), np.zeros_like(N))
     for start in np.argsort(-values, axis=1)[:, :POLISHED].T:
         v = right[here, start]
         _keep_better(best, here, _attained(N, v, blocks))

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solver.certificate.enclosed_loop import Loop
+from solver.certificate.enclosed_loop import ExactLoop
 from solver.certificate.record import Claim
 from solver.certificate.reduction import MAX_SETTINGS, settings_of
 from solver.model.blocks import group_loops
@@ -119,7 +119,7 @@ def proven_peaks(
     curves = Curves(omega, *(values for values, _ in sampled))
     first = analysis.peaks(curves)
     searches = [
-        _Search(analysis, compiled, kind, peak)
+        _CurveSearch(analysis, compiled, kind, peak)
         for kind, peak in (
             (ROBUST, first.robust_performance),
             (STABILITY, first.robust_stability),
@@ -184,7 +184,7 @@ def _compiled(
     if len(settings_of(plant, loops, performance.output_scale)) > MAX_SETTINGS:
         return None
     level = 1.0  # each march brings its own
-    T = tables(Loop.of(Claim(plant, uncertainty, performance, tuple(loops), level)))
+    T = tables(ExactLoop.of(Claim(plant, uncertainty, performance, tuple(loops), level)))
     return T, scratch(T)
 
 
@@ -223,7 +223,7 @@ def _follow(T: Tables, S: Scratch, low: float, high: float, angles: NDArray[np.f
     )  # fmt: skip
 
 
-class _Search:
+class _CurveSearch:
     """One curve: its samples, its highest value, and why it is not proven, if it is not."""
 
     def __init__(

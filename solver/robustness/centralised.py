@@ -30,7 +30,7 @@ from solver.mu.scaling import upper_bound
 from solver.mu.structure import BlockStructure, sigma_max
 from solver.robustness.record import Curves, Guarantee, GuaranteeStatus, Peaks
 from solver.stability.closed_loop import INFINITELY_MANY
-from solver.stability.encirclements import Batch, count_unstable
+from solver.stability.encirclements import LoopBatch, count_unstable
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -46,7 +46,7 @@ __all__ = [
     "analyse_centralised",
     "best_scales",
     "central_blocks",
-    "closed_loop_poles",
+    "centralised_poles",
 ]
 
 POINTS_PER_DECADE = 48
@@ -306,7 +306,7 @@ def analyse_centralised(
     instance(controller, FullController, "/controller")
     require_supported(plant)
     blocks, controllers = _paired(plant, uncertainty, controller)
-    unstable = closed_loop_poles(blocks, controllers)
+    unstable = centralised_poles(blocks, controllers)
     if unstable:
         warning = "the closed loop is unstable: mu has no meaning for it"
         return Centralised(
@@ -330,7 +330,7 @@ def analyse_centralised(
     )
 
 
-def closed_loop_poles(blocks: LoopBlocks, controllers: tuple[StateSpace | MatrixPlant, ...]) -> int:
+def centralised_poles(blocks: LoopBlocks, controllers: tuple[StateSpace | MatrixPlant, ...]) -> int:
     """Count the closed-loop poles with a real part >= 0, dead time exact.
 
     det(I + G C) of each block along the Nyquist contour; poles of the controller in the right
@@ -363,7 +363,7 @@ def closed_loop_poles(blocks: LoopBlocks, controllers: tuple[StateSpace | Matrix
             if np.abs(np.linalg.eigvals(np.abs(rest))).max() >= 1:
                 return INFINITELY_MANY
         light = _light(poles)
-        batch = Batch(
+        batch = LoopBatch(
             loop_gain,
             np.unique(np.concatenate([bends, own])),
             np.concatenate([resonances(plant), light]),

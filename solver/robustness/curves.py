@@ -125,31 +125,31 @@ class LoopAnalysis:
         return Peaks(*highest(side_by_side, [(curves.omega, curve) for curve in on_grid]))
 
     @property
-    def _curves(self) -> tuple[Callable[[_Loop], NDArray[np.float64]], ...]:
+    def _curves(self) -> tuple[Callable[[_KernelData], NDArray[np.float64]], ...]:
         return self._robust_performance, self._robust_stability, self._nominal_performance
 
-    def _at(self, omega: NDArray[np.float64]) -> _Loop:
+    def _at(self, omega: NDArray[np.float64]) -> _KernelData:
         c = np.stack([controller.response(omega) for controller in self.controllers], axis=-1)
         G = self.blocks.packed(omega)
         w_I, w_P = (each.weight.response(omega) for each in (self.uncertainty, self.performance))
         matrices = interconnections(self.blocks, G, c, w_I, w_P)
-        return _Loop(G, c, np.abs(w_I) ** 2, np.abs(w_P) ** 2, matrices)
+        return _KernelData(G, c, np.abs(w_I) ** 2, np.abs(w_P) ** 2, matrices)
 
     def _robust_performance(
-        self, loop: _Loop, d: NDArray[np.float64] | None = None
+        self, loop: _KernelData, d: NDArray[np.float64] | None = None
     ) -> NDArray[np.float64]:
         """Upper bound of mu(N_RP), (k,), from its best scales unless `d` are given."""
         d = self._scales(loop, 1.0) if d is None else d
         return greatest_bound(self.blocks, loop.matrices, d, performance=True)
 
     def _robust_stability(
-        self, loop: _Loop, d: NDArray[np.float64] | None = None
+        self, loop: _KernelData, d: NDArray[np.float64] | None = None
     ) -> NDArray[np.float64]:
         """Upper bound of mu(w_I C S G), (k,), from its best scales unless `d` are given."""
         d = self._scales(loop, 0.0) if d is None else d
         return greatest_bound(self.blocks, loop.matrices, d, performance=False)
 
-    def _nominal_performance(self, loop: _Loop) -> NDArray[np.float64]:
+    def _nominal_performance(self, loop: _KernelData) -> NDArray[np.float64]:
         """sigma_max(w_P S), (k,)."""
         values = [
             sigma_max(N[:, block.size :, block.size :])
@@ -157,7 +157,7 @@ class LoopAnalysis:
         ]
         return np.asarray(np.max(values, axis=0))
 
-    def _scales(self, loop: _Loop, performance: float) -> NDArray[np.float64]:
+    def _scales(self, loop: _KernelData, performance: float) -> NDArray[np.float64]:
         """Optimal D-scales (k, scales); `performance` 0 is robust stability alone."""
         y = np.zeros((len(loop.c), self.blocks.n_scales))
         all_free = cold = True  # named here: positional booleans say nothing
@@ -169,7 +169,7 @@ class LoopAnalysis:
 
 
 @dataclass(frozen=True)
-class _Loop:
+class _KernelData:
     """A loop at k frequencies.
 
     `G`, `c`, `u`, `b`: as `solver.mu.scaling.sweep` takes them; `matrices`: N_RP of each block.
@@ -181,7 +181,7 @@ class _Loop:
     b: NDArray[np.float64]
     matrices: list[NDArray[np.complex128]]
 
-    def __getitem__(self, part: slice) -> _Loop:
-        return _Loop(
+    def __getitem__(self, part: slice) -> _KernelData:
+        return _KernelData(
             self.G[part], self.c[part], self.u[part], self.b[part], [N[part] for N in self.matrices]
         )

@@ -93,7 +93,7 @@ def model_tolerances(
     """
     decades = int(PER_DECADE * -np.log10(LOWER))
     grid = np.concatenate([np.geomspace(LOWER * omega[0], omega[0], decades)[:-1], omega[::2]])
-    curve = _Loop(loops, performance, grid)
+    curve = _FixedLoops(loops, performance, grid)
     given = curve.at(plant)
     met = given.peak <= 1
     found = []
@@ -135,7 +135,7 @@ class _Point:
 
 
 @dataclass(frozen=True)
-class _Loop:
+class _FixedLoops:
     """Controllers, demand and frequencies (k,)."""
 
     loops: Sequence[Controller]

@@ -16,7 +16,7 @@ from solver.model.memory import batch_length
 from solver.model.open_loop import require_supported
 from solver.model.plants import ParallelPlant
 from solver.stability.closed_loop import INFINITELY_MANY
-from solver.stability.encirclements import Batch, count_unstable
+from solver.stability.encirclements import LoopBatch, count_unstable
 from solver.stability.neutral import direct_gain, neutral_gain
 from solver.stability.singular import origin_poles
 
@@ -111,7 +111,9 @@ class Subsets:
     ) -> NDArray[np.int64]:
         reached = finite_reach(self.plant, self.controllers)
         bends = np.sort(np.append(corners(self.plant, loops=self.controllers), reached))
-        return count_unstable(Batch(loop_gain, bends, resonances(self.plant), direct, integrators))
+        return count_unstable(
+            LoopBatch(loop_gain, bends, resonances(self.plant), direct, integrators)
+        )
 
     def controller_response(self, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return all controllers at `omega` (k,), (k, controllers)."""

@@ -10,7 +10,7 @@ import numpy as np
 from flint import fmpq, fmpq_poly
 from numpy.typing import NDArray
 
-from solver.certificate.enclosed_loop import Loop
+from solver.certificate.enclosed_loop import ExactLoop
 from solver.certificate.enclosures import Ratio
 from solver.robustness.rounded_models import DEGREE, pool
 
@@ -57,7 +57,7 @@ class Tables(NamedTuple):
     full: bool
 
 
-def tables(loop: Loop) -> Tables:
+def tables(loop: ExactLoop) -> Tables:
     """Return a loop's numbers as compiled code wants them."""
     terms: list[tuple[fmpq, Ratio]] = [(fmpq(0), ratio) for ratio in loop.controllers]
     terms.append((fmpq(0), loop.performance))

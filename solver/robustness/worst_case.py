@@ -22,7 +22,7 @@ import numpy as np
 from solver.model.blocks import reduce
 from solver.model.transfer_function import MAX_ORDER, TransferFunction
 from solver.model.weights import Structure
-from solver.mu.lower_bound import LowerBound, lower_bound
+from solver.mu.lower_bound import MuLowerBound, lower_bound
 from solver.mu.structure import BlockStructure, bound_of_scales
 
 if TYPE_CHECKING:
@@ -179,7 +179,7 @@ class _Attained:
     N: NDArray[np.complex128]
     structure: BlockStructure
     d: NDArray[np.float64]
-    bound: LowerBound
+    bound: MuLowerBound
 
 
 def _attained(  # noqa: PLR0917 - as its two callers have them

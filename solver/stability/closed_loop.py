@@ -15,7 +15,7 @@ import numpy as np
 from solver.model.blocks import group_loops
 from solver.model.frequencies import corners, finite_reach, resonances
 from solver.model.open_loop import require_supported
-from solver.stability.encirclements import Batch, count_unstable
+from solver.stability.encirclements import LoopBatch, count_unstable
 from solver.stability.neutral import direct_gain, neutral_gain
 from solver.stability.singular import lost_directions
 
@@ -116,7 +116,7 @@ def closed_loop_poles(plant: Plant, loops: Sequence[Controller]) -> ClosedLoopPo
             return _loop_gain(blocks, controllers, omega, index)[:, None]
 
         direct = means if index == 0 else differences[list(block.channels), None, None]
-        batch = Batch(
+        batch = LoopBatch(
             loop_gain, bends, resonances(plant), direct,
             int(integrating[list(block.channels)].sum()) - lost[index],
         )  # fmt: skip

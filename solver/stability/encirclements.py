@@ -20,7 +20,7 @@ from solver.model.frequencies import grid
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["Batch", "LoopGain", "count_unstable"]
+__all__ = ["LoopBatch", "LoopGain", "count_unstable"]
 
 LoopGain: TypeAlias = "Callable[[NDArray[np.float64]], NDArray[np.complex128]]"
 
@@ -32,7 +32,7 @@ LEVEL = 1e-3  # or its relative change over a decade where dead time feeds throu
 
 
 @dataclass(frozen=True)
-class Batch:
+class LoopBatch:
     """Loops of equal size, one row each.
 
     Attributes
@@ -71,7 +71,7 @@ class _Determinant(NamedTuple):
     log_size: NDArray[np.float64]
 
 
-def count_unstable(batch: Batch) -> NDArray[np.int64]:
+def count_unstable(batch: LoopBatch) -> NDArray[np.int64]:
     """Count the closed-loop poles with a real part >= 0 of each loop, (loops,).
 
     A pole on the axis counts as unstable. The gain of a loop with dead time must be below one at
@@ -102,7 +102,7 @@ def count_unstable(batch: Batch) -> NDArray[np.int64]:
 
 
 def _low_end(
-    batch: Batch,
+    batch: LoopBatch,
 ) -> tuple[float, NDArray[np.float64], NDArray[np.complex128]]:
     """Return a frequency below which det ~ K s^-order, order, and the direction of K, (loops,)."""
     omega = 1e-3 * float(batch.bends[0])
@@ -118,7 +118,7 @@ def _low_end(
     return omega, order, rest
 
 
-def _high_end(batch: Batch) -> tuple[float, NDArray[np.complex128]]:
+def _high_end(batch: LoopBatch) -> tuple[float, NDArray[np.complex128]]:
     """Return a frequency above which the loops are near their limits, and how far they are there.
 
     The second is (I + D)^-1 (L - D), D the direct part of L: small, or below one in its spectral
@@ -144,7 +144,7 @@ def _determinant(L: NDArray[np.complex128]) -> _Determinant:
 
 
 def _turns(
-    batch: Batch, omega: NDArray[np.float64]
+    batch: LoopBatch, omega: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Total turn of each argument over `omega`, refined, and where it passes through 0."""
     values, log_size = batch.determinant(omega)

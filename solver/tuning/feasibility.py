@@ -29,14 +29,14 @@ if TYPE_CHECKING:
     from solver.tuning.groupings import Groups
     from solver.tuning.specification import Specification
 
-__all__ = ["Obstacle", "obstacle", "other_signs"]
+__all__ = ["Impossibility", "impossibility", "other_signs"]
 
 SLOW = 1e-9  # of the slowest root: there a response is at its limit for omega -> 0
 ELSE = "; other signs of the gains ('any') may serve, but some loops cannot run alone then"
 
 
 @dataclass(frozen=True)
-class Obstacle:
+class Impossibility:
     """Why no settings exist, and the frequency (rad per time unit) that forbids them.
 
     `whatever_signs`: also with other signs of the gains than those of the loops' own processes.
@@ -47,12 +47,12 @@ class Obstacle:
     whatever_signs: bool
 
 
-def obstacle(specification: Specification) -> Obstacle | None:
+def impossibility(specification: Specification) -> Impossibility | None:
     """Return what forbids every setting with integral action, or None."""
     plant = specification.plant
     error = float(specification.uncertainty.magnitude(SLOW * _slowest_pole(specification))[0])
     if error >= 1:
-        return Obstacle(
+        return Impossibility(
             f"the uncertainty is {100 * error:.4g} % at steady state, where integral action needs "
             "less than 100 %",
             0.0, whatever_signs=True,
@@ -96,7 +96,7 @@ def _niederlinski_index(plant: Plant) -> float:
     return float(np.linalg.det(G / own).real) if (own != 0).all() else 0.0
 
 
-def _parallel(plant: ParallelPlant) -> Obstacle | None:
+def _parallel(plant: ParallelPlant) -> Impossibility | None:
     if plant.n == 1:
         return _without_gain(plant)
     omega = SLOW * _slowest_root(plant)
@@ -112,7 +112,7 @@ def _parallel(plant: ParallelPlant) -> Obstacle | None:
             f"the steady-state interaction is a = {a:.6g}: the gain matrix is singular, so the "
             "outputs cannot be controlled independently"
         )
-        return Obstacle(reason, 0.0, whatever_signs=True)
+        return Impossibility(reason, 0.0, whatever_signs=True)
     if low < a < 1:
         return _without_gain(plant)
     reason = (
@@ -120,30 +120,32 @@ def _parallel(plant: ParallelPlant) -> Obstacle | None:
         f"is not decentralised integral controllable. This is physically impossible for a split "
         f"of one stream: check the model, or pair the loops anew{ELSE}"
     )
-    return Obstacle(reason, 0.0, whatever_signs=False)
+    return Impossibility(reason, 0.0, whatever_signs=False)
 
 
-def _without_gain(plant: ParallelPlant) -> Obstacle | None:
+def _without_gain(plant: ParallelPlant) -> Impossibility | None:
     if plant.process.static_gain == 0:
-        return Obstacle("the process has no steady-state gain", 0.0, whatever_signs=plant.n == 1)
+        return Impossibility(
+            "the process has no steady-state gain", 0.0, whatever_signs=plant.n == 1
+        )
     return None
 
 
-def _matrix(G: NDArray[np.complex128]) -> Obstacle | None:
+def _matrix(G: NDArray[np.complex128]) -> Impossibility | None:
     if is_singular(G):
         reason = "the steady-state gain matrix is singular"
-        return Obstacle(reason, 0.0, whatever_signs=True)
+        return Impossibility(reason, 0.0, whatever_signs=True)
     own = np.abs(np.diag(equilibrate(G)))
     if own.min() * SINGULAR_CONDITION <= 1:
         loop = int(own.argmin())
         reason = f"loop {loop} has no steady-state gain of its own: pair it anew"
-        return Obstacle(reason, 0.0, whatever_signs=False)
+        return Impossibility(reason, 0.0, whatever_signs=False)
     if float(np.linalg.det(G / np.diag(G)).real) < 0:
         reason = (
             "the Niederlinski index is negative: with this pairing, and gains of the signs of the "
             f"loops' own processes, integral action in all loops is unstable{ELSE}"
         )
-        return Obstacle(reason, 0.0, whatever_signs=False)
+        return Impossibility(reason, 0.0, whatever_signs=False)
     return None
 
 

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from solver.tuning.goals import Goal
     from solver.tuning.groupings import Groups
 
-__all__ = ["Freedom", "GroupingSearch", "Optimum"]
+__all__ = ["FoundOptimum", "Freedom", "GroupingSearch"]
 
 POINTS_PER_DECADE = 11
 FAR = 1e6  # over the end of the grid: there what is not fed through has died away
@@ -60,7 +60,7 @@ GAIN_STEPS = 12
 
 
 @dataclass(frozen=True)
-class Optimum:
+class FoundOptimum:
     """A local optimum and how many starts ended there; of the grid, or exact."""
 
     theta: NDArray[np.float64]
@@ -68,12 +68,12 @@ class Optimum:
     count: int
 
 
-_Found = Optimum | Candidate
+_Found = FoundOptimum | Candidate
 
 
-def _of_grid(found: Evaluation) -> Optimum:
+def _of_grid(found: Evaluation) -> FoundOptimum:
     # A trifle that is missing far above the bandwidth would stand for any value.
-    return Optimum(found.theta, found.merit, 0)
+    return FoundOptimum(found.theta, found.merit, 0)
 
 
 @dataclass(frozen=True)
@@ -161,7 +161,7 @@ class GroupingSearch:
         feasibility = replace(self.objective, goal=MuGoal(slow, target))
         self.phases = Phases(feasibility, self.box, checkpoint)
         self.exact = ExactDescent(specification, self.objective, self.phases)
-        self.optima: list[Optimum] = []
+        self.optima: list[FoundOptimum] = []
         self.closest: Evaluation | None = None
 
     def _below(self, bend: float) -> NDArray[np.float64]:
@@ -404,9 +404,9 @@ class GroupingSearch:
     def _remember(self, found: _Found, count: int) -> None:
         index = self._known(found)
         if index is None:
-            self.optima.append(Optimum(found.theta, found.value, count))
+            self.optima.append(FoundOptimum(found.theta, found.value, count))
         else:
             known = self.optima[index]
             better = found if found.value < known.value else known
-            self.optima[index] = Optimum(better.theta, better.value, known.count + count)
+            self.optima[index] = FoundOptimum(better.theta, better.value, known.count + count)
         self.optima.sort(key=lambda optimum: optimum.value)

@@ -13,7 +13,7 @@ from solver.tuning.bounds import gain_signs
 from solver.tuning.clock import Clock, OutOfTimeError
 from solver.tuning.demand_checks import outcomes
 from solver.tuning.demands import NO_DEMANDS
-from solver.tuning.feasibility import obstacle, other_signs
+from solver.tuning.feasibility import impossibility, other_signs
 from solver.tuning.given_start import given_groups, signs_of
 from solver.tuning.groupings import groupings, neighbours
 from solver.tuning.record import Status
@@ -124,7 +124,7 @@ class _Run:
 
     def result(self) -> Tuning:
         """Search, choose, report."""
-        forbidden = obstacle(self.specification)
+        forbidden = impossibility(self.specification)
         if forbidden is not None and (
             forbidden.whatever_signs or self.specification.signs is Signs.USUAL
         ):

@@ -8,7 +8,7 @@ from typing import Any
 
 from service.schemas import parse_tuning_request
 from service.schemas.encoding import encode
-from service.tuned import Tuned
+from service.tuned import RequestedTuning
 from solver.model.controllers import Controller
 from solver.model.plants import MatrixPlant, Plant, first_order
 from solver.model.weights import Performance, Uncertainty
@@ -29,7 +29,7 @@ def archived(
     performance: Performance,
     identical: Controller | None = None,
     **changes: Any,
-) -> Tuned:
+) -> RequestedTuning:
     """Return a tuning that ended with `loops`, grouped where they are equal."""
     analysis = analyse(plant, uncertainty, performance, loops)
     groups: dict[Controller, list[int]] = {}
@@ -56,10 +56,12 @@ def archived(
         "curves": analysis.curves,
         "comparison": identical and Comparison(1.4 * tau_p, identical, 100 * (1 - 1 / 1.4)),
     }
-    return Tuned.of(_request(plant, uncertainty, performance), Tuning(**(fields | changes)), "min")
+    return RequestedTuning.of(
+        _request(plant, uncertainty, performance), Tuning(**(fields | changes)), "min"
+    )
 
 
-def published(**changes: Any) -> Tuned:
+def published(**changes: Any) -> RequestedTuning:
     """Return the published independent settings, the published identical ones beside."""
     return archived(
         first_order(2, 1, 100, 0.949),
@@ -71,7 +73,7 @@ def published(**changes: Any) -> Tuned:
     )
 
 
-def infeasible() -> Tuned:
+def infeasible() -> RequestedTuning:
     """Return a tuning that found nothing."""
     plant, uncertainty = first_order(2, 1, 100, 1.0), Uncertainty.from_error(0.2, 1)
     tuning = Tuning(
@@ -87,7 +89,7 @@ def infeasible() -> Tuned:
         reason="the static gain is singular",
         omega=0.001,
     )
-    return Tuned.of(_request(plant, uncertainty, Performance()), tuning)
+    return RequestedTuning.of(_request(plant, uncertainty, Performance()), tuning)
 
 
 def _request(plant: Plant, uncertainty: Uncertainty, performance: Performance) -> Any:

@@ -18,7 +18,7 @@ from service.figures.document import figures_to_json
 from service.figures.tuning import TuningFigures
 from service.schemas.drawn import DrawnCurves
 from service.schemas.peaks import Peak, Peaks
-from service.tuned import Tuned
+from service.tuned import RequestedTuning
 from solver.model.controllers import Controller
 from solver.model.plants import MatrixPlant, first_order
 from solver.model.transfer_function import TransferFunction
@@ -26,13 +26,13 @@ from solver.model.weights import Performance, Structure, Uncertainty
 
 
 @pytest.fixture(scope="module")
-def tuned() -> Tuned:
+def tuned() -> RequestedTuning:
     """Return the published settings as a tuning."""
     return published()
 
 
 @pytest.fixture(scope="module")
-def drawn(tuned: Tuned) -> TuningFigures:
+def drawn(tuned: RequestedTuning) -> TuningFigures:
     """Return their figures."""
     return figures.tuning_figures(tuned)
 
@@ -62,7 +62,7 @@ def test_documented_figures_are_those_that_are_drawn(drawn: TuningFigures) -> No
     assert re.findall(r"^\| `(\w+)` \|", text, re.MULTILINE) == list(drawn.figures)
 
 
-def test_mu_shows_the_three_curves(tuned: Tuned, drawn: TuningFigures) -> None:
+def test_mu_shows_the_three_curves(tuned: RequestedTuning, drawn: TuningFigures) -> None:
     """The curves are those of the result, to six digits."""
     for name in ("robust_performance", "robust_stability", "nominal_performance"):
         (curve,) = traces(drawn.figures["mu"], name.replace("_", " "))
@@ -159,7 +159,7 @@ def test_loops_that_are_unstable_alone_have_no_sensitivity() -> None:
     plant = first_order(2, 1, 10, 0.2, 1.0)
     wild = (Controller(2, 8), Controller(40, 8))
     tuned = published()
-    unstable = Tuned(
+    unstable = RequestedTuning(
         tuned.request.model_copy(update={"plant": _as_request(plant)}),
         tuned.result.model_copy(update={"loops": [_as_loop(loop) for loop in wild]}),
     )

@@ -19,7 +19,7 @@ from zoo import COLUMN
 
 from service.cli.tuning import tune_file
 from service.report.document import report_html
-from service.tuned import Tuned
+from service.tuned import RequestedTuning
 from solver.certificate import read_certificate, verify
 from solver.certificate.search import prove
 from solver.model.controllers import Controller
@@ -64,13 +64,13 @@ class Page(HTMLParser):
 
 
 @pytest.fixture(scope="module")
-def tuned() -> Tuned:
+def tuned() -> RequestedTuning:
     """Return the published settings as a tuning."""
     return published(warnings=("group 0: the gain is on its upper bound",))
 
 
 @pytest.fixture(scope="module")
-def html(tuned: Tuned) -> str:
+def html(tuned: RequestedTuning) -> str:
     """Return their report."""
     return report_html(tuned, MADE, "9f1b0d3c5a7e4c0d8b6a2f4e1c3d5b7a")
 
@@ -138,18 +138,20 @@ def test_every_figure_has_its_place_and_alternative_text(page: Page) -> None:
         assert figure["layout"]["meta"]["description"] in places[f"figure-{name}"]["aria-label"]
 
 
-def test_request_and_result_are_in_the_file(page: Page, tuned: Tuned) -> None:
+def test_request_and_result_are_in_the_file(page: Page, tuned: RequestedTuning) -> None:
     """The archived JSON reads back as the same tuning, and has the digest that is printed."""
     (link,) = [a["href"] for t, a in page.elements if a.get("download") == "tuning.json"]
     text = base64.b64decode(link.partition(",")[2])
     document = json.loads(text)
-    again = Tuned.from_json(json.dumps(document["request"]), json.dumps(document["result"]))
+    again = RequestedTuning.from_json(
+        json.dumps(document["request"]), json.dumps(document["result"])
+    )
     assert (again.request, again.result) == (tuned.request, tuned.result)
     assert hashlib.sha256(text).hexdigest() in page.words
 
 
 @pytest.mark.parametrize("attack", ["<script>alert(1)</script>", "</script><img src=x>", '"><b>'])
-def test_what_users_wrote_stays_text(tuned: Tuned, attack: str) -> None:
+def test_what_users_wrote_stays_text(tuned: RequestedTuning, attack: str) -> None:
     """Neither a unit nor a warning becomes an element or ends the block of data."""
     result = tuned.result.model_copy(update={"warnings": [attack]})
     page = Page(report_html(replace(tuned, result=result, unit=attack), MADE, attack))
@@ -184,7 +186,7 @@ def test_matrix_plants_and_missing_forms_are_shown() -> None:
     assert "Not drawn: mu, because the result has no curves." in page.words
 
 
-def test_the_certificate_is_in_the_file(tuned: Tuned) -> None:
+def test_the_certificate_is_in_the_file(tuned: RequestedTuning) -> None:
     """The proof can be taken out of the report and verified."""
     certificate, _ = prove(
         tuned.plant, tuned.uncertainty, tuned.performance, tuned.loops, level=1.001

@@ -15,7 +15,7 @@ from service.schemas import parse_tuning_request
 from service.schemas.sheet import SheetResult
 from service.sheet.document import FOUND, loop_sheet
 from service.sheet.responses import moves
-from service.tuned import Tuned
+from service.tuned import RequestedTuning
 from solver.model.controllers import Controller
 from solver.simulation.experiment import StepKind
 from solver.tuning.tuner import tune
@@ -24,11 +24,11 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
 @cache
-def tuned(name: str, changes: str = "{}") -> Tuned:
+def tuned(name: str, changes: str = "{}") -> RequestedTuning:
     """Return the tuning of an example, some fields of it changed."""
     document = {**json.loads((EXAMPLES / f"{name}.json").read_text()), **json.loads(changes)}
     request = parse_tuning_request(json.dumps(document).encode())
-    return Tuned.of(request, tune(request.build()), "min")
+    return RequestedTuning.of(request, tune(request.build()), "min")
 
 
 def changed(**fields: Any) -> str:
@@ -36,7 +36,7 @@ def changed(**fields: Any) -> str:
     return json.dumps(fields)
 
 
-def said(record: Tuned, topic: str) -> list[str]:
+def said(record: RequestedTuning, topic: str) -> list[str]:
     """Return the sentences about a topic."""
     return [risk.text for risk in loop_sheet(record).risks if risk.topic == topic]
 

@@ -15,7 +15,7 @@ from sqlalchemy import Engine, delete, event, func, select, text
 from service.jobs import database
 from service.jobs.models import BatchItemRow, BatchRow, JobRow
 from service.jobs.queue import Queue
-from service.jobs.records import Claim, Ended, JobStatus, NewJob, Outcome, Priority
+from service.jobs.records import Ended, JobStatus, NewJob, Outcome, Priority, TakenJob
 from service.jobs.store import IdempotencyConflictError, QueueFullError, Store
 from service.jobs.transactions import StoreUnavailableError, Transactions
 
@@ -62,12 +62,12 @@ def job(number: int = 0) -> NewJob:
     return NewJob(json.dumps({"number": number}), time_limit=60)
 
 
-def claim(queue: Queue, count: int) -> list[Claim]:
+def claim(queue: Queue, count: int) -> list[TakenJob]:
     """Take the next jobs."""
     return queue.exchange([], {}, [], count, 0.0).claims
 
 
-def finish(queue: Queue, claim: Claim, outcome: Outcome = DONE) -> bool:
+def finish(queue: Queue, claim: TakenJob, outcome: Outcome = DONE) -> bool:
     """Write the end of a job; return whether it counts."""
     return claim.id in queue.exchange([Ended(claim, outcome, time.time())], {}, [], 0, 0.0).written
 

@@ -13,7 +13,7 @@ from service.figures import trade_off
 from service.schemas import RequestError, TuningRequest, parse_tuning_request
 from service.schemas.trade_off import TradeOff
 from service.trade_off import Collected, sweep
-from service.tuned import Tuned
+from service.tuned import RequestedTuning
 from solver.model.errors import InvalidInputError
 from solver.tuning.tuner import tune
 
@@ -31,7 +31,7 @@ def test_each_point_is_the_tuning_at_its_value() -> None:
     assert [point.value for point in found.points] == [0.1, 0.3]
     for point in found.points:
         request = parsed(altered(REQUEST, "/uncertainty/epsilon", point.value))
-        result = Tuned.of(request, tune(request.build())).result
+        result = RequestedTuning.of(request, tune(request.build())).result
         assert point.tau_p == result.tau_p
         assert result.comparison is not None
         assert point.identical == result.comparison.identical_value

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 from fastapi import APIRouter, Header, Query, Request, Response
 from fastapi.responses import StreamingResponse
 
-from service.batch.formats import Form, Rows
+from service.batch.formats import Rows, SettingsForm
 from service.batch.request_lines import Item
 from service.batch.table import Table, write_csv
 from service.http.routes.batches import BatchId, find_batch
@@ -71,8 +71,8 @@ async def get_results(
         Rows, Query(description="What a row of the table stands for.", examples=["loop"])
     ] = Rows.REQUEST,
     form: Annotated[
-        Form, Query(description="Form of the settings in the table.", examples=["ideal"])
-    ] = Form.CASCADE,
+        SettingsForm, Query(description="Form of the settings in the table.", examples=["ideal"])
+    ] = SettingsForm.CASCADE,
     accept: Annotated[str | None, Header(include_in_schema=False)] = None,
 ) -> Response:
     """Stream the results in order, waiting for those that are not there yet."""
@@ -145,7 +145,7 @@ async def _as_they_come(
 
 
 async def _table(
-    request: Request, batch_id: str, start: int, rows: Rows, form: Form
+    request: Request, batch_id: str, start: int, rows: Rows, form: SettingsForm
 ) -> AsyncIterator[bytes]:
     """Yield the table, once every item has ended."""
     store: Store = request.app.state.store
@@ -157,7 +157,7 @@ async def _table(
         yield await asyncio.to_thread(_csv, found)
 
 
-def _of_requests(store: Store, batch_id: str, rows: Rows, form: Form) -> Table:
+def _of_requests(store: Store, batch_id: str, rows: Rows, form: SettingsForm) -> Table:
     requests = store.batch_requests(batch_id)
     items = [Item(number, "", text) for number, text in enumerate(requests, 1)]
     return Table(items, each=rows, form=form)

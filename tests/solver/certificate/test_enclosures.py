@@ -12,7 +12,7 @@ from hypothesis import assume, given, reject, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from solver.certificate.enclosures import Frame, Interval, Response, exact, is_hurwitz
+from solver.certificate.enclosures import ExactResponse, Frame, Interval, exact, is_hurwitz
 from solver.certificate.taylor_models import DEGREE, PRECISION, TaylorModel, UnenclosedError
 from solver.model.transfer_function import TransferFunction
 
@@ -77,7 +77,7 @@ def value_at(model: TaylorModel, t: arb) -> acb:
 
 def enclosed(function: TransferFunction, interval: Interval) -> TaylorModel:
     """The function over the interval; inapplicable where that is too wide for it."""
-    response = Response.combined([(1, function)])
+    response = ExactResponse.combined([(1, function)])
     try:
         return response.enclose(interval.axis, response.integrators)
     except UnenclosedError:
@@ -92,7 +92,7 @@ def test_every_value_lies_in_its_enclosure(
     """At any frequency, polynomial plus rest hold the value found by direct evaluation."""
     model = enclosed(function, interval)
     s = acb(0, interval.low + (arb(interval.high) - interval.low) * arb(position))
-    value = direct(function, s) * s ** Response.combined([(1, function)]).integrators
+    value = direct(function, s) * s ** ExactResponse.combined([(1, function)]).integrators
     assert value_at(model, 2 * arb(position) - 1).overlaps(value)
 
 
@@ -113,7 +113,7 @@ def test_the_tail_holds_the_values_in_the_right_half_plane(
     function: TransferFunction, low: float, factor: float, angle: float
 ) -> None:
     """Every s with |s| >= low and Re s >= 0 has its value in the tail's single ball."""
-    tail = Response.combined([(1, function)]).enclose(Interval(low, math.inf).tail, 4)
+    tail = ExactResponse.combined([(1, function)]).enclose(Interval(low, math.inf).tail, 4)
     s = acb(low * factor) * acb(0, angle).exp()
     assert tail.values.overlaps(direct(function, s))
 
@@ -122,7 +122,7 @@ def test_the_tail_holds_the_values_in_the_right_half_plane(
 @given(transfer_functions(), st.floats(0.1, 1e3))
 def test_one_frequency_has_one_value(function: TransferFunction, omega: float) -> None:
     """At a point both variables, s and 1/s, give the value itself, dead time included."""
-    response = Response.combined([(1, function)])
+    response = ExactResponse.combined([(1, function)])
     value = direct(function, acb(0, omega))
     factor = acb(0, omega) ** response.integrators
     for inverse, expected in ((False, value * factor), (True, value)):
@@ -133,7 +133,7 @@ def test_one_frequency_has_one_value(function: TransferFunction, omega: float) -
 
 def test_a_pole_that_may_lie_on_the_interval_is_refused() -> None:
     """An undamped resonance inside cannot be enclosed; beside it, it can."""
-    resonance = Response.combined([(1, TransferFunction([1], [1, 0, 1]))])
+    resonance = ExactResponse.combined([(1, TransferFunction([1], [1, 0, 1]))])
     with pytest.raises(UnenclosedError):
         resonance.enclose(Interval(0.9, 1.1).axis, 0)
     assert resonance.enclose(Interval(1.5, 1.6).axis, 0).rest.is_finite()
@@ -142,13 +142,13 @@ def test_a_pole_that_may_lie_on_the_interval_is_refused() -> None:
 def test_an_integrator_that_cancels_in_a_difference_is_not_counted() -> None:
     """1/s + 1/(s+1) less 1/s integrates no more; their sum does, once."""
     g, i = TransferFunction([2, 1], [1, 1, 0]), TransferFunction([1], [1, 0])
-    assert Response.combined([(1, g), (-1, i)]).integrators == 0
-    assert Response.combined([(1, g), (1, i)]).integrators == 1
+    assert ExactResponse.combined([(1, g), (-1, i)]).integrators == 0
+    assert ExactResponse.combined([(1, g), (1, i)]).integrators == 1
 
 
 def test_equal_functions_cancel_to_zero() -> None:
     """A function less itself has no terms."""
-    assert Response.combined([(1, LAG), (-1, LAG)]).terms == ()
+    assert ExactResponse.combined([(1, LAG), (-1, LAG)]).terms == ()
 
 
 @pytest.mark.parametrize("value", [0.1, 5e-324, 1e300, -101.0, 3])

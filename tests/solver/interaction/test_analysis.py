@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from solver.interaction.analysis import DENSE_UP_TO, analyse_interaction
-from solver.interaction.integral_controllability import Verdict
+from solver.interaction.integral_controllability import ControllabilityVerdict
 from solver.interaction.interpretation import (
     InteractionSign,
     LoopMeaning,
@@ -39,7 +39,7 @@ def test_example_11_2() -> None:
     assert result.recommended is not None
     assert result.recommended.inputs == (1, 0)
     assert result.integral_controllability is not None
-    assert result.integral_controllability.verdict is Verdict.IMPOSSIBLE
+    assert result.integral_controllability.verdict is ControllabilityVerdict.IMPOSSIBLE
     assert result.effects[0].reversal_gain == pytest.approx(1)
     assert any("wrong way" in warning for warning in result.warnings)
 
@@ -118,7 +118,7 @@ def test_many_units_agree_with_the_dense_analysis(a: float) -> None:
         np.testing.assert_allclose(result.parallel.own_relative_gains, expected, rtol=1e-9)
         dic = a > -1 / (n - 1)
         assert result.integral_controllability is not None
-        assert (result.integral_controllability.verdict is Verdict.GUARANTEED) is dic
+        assert (result.integral_controllability.verdict is ControllabilityVerdict.GUARANTEED) is dic
         assert (result.recommended is not None) is dic
         assert result.recommended is None or result.recommended.inputs == tuple(range(n))
     assert large.sign is small.sign
@@ -150,7 +150,7 @@ def test_singular_units(n: int) -> None:
     assert result.parallel.difference_eigenvalue == 0
     assert result.zeros.degenerate
     assert result.integral_controllability is not None
-    assert result.integral_controllability.verdict is Verdict.IMPOSSIBLE
+    assert result.integral_controllability.verdict is ControllabilityVerdict.IMPOSSIBLE
     assert "singular" in result.warnings[0]
 
 
@@ -164,7 +164,7 @@ def test_units_without_gain_of_their_own(n: int) -> None:
     assert result.parallel.interaction == math.inf
     assert result.loops[0].meaning is LoopMeaning.DEPENDENT
     assert result.integral_controllability is not None
-    assert result.integral_controllability.verdict is Verdict.IMPOSSIBLE
+    assert result.integral_controllability.verdict is ControllabilityVerdict.IMPOSSIBLE
 
 
 @pytest.mark.parametrize("n", [3, 12])

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from solver.interaction.integral_controllability import (
-    Verdict,
+    ControllabilityVerdict,
     integral_controllability,
     parallel_integral_controllability,
 )
@@ -20,12 +20,12 @@ def test_limits_of_the_parallel_plant_are_eq_24(n: int) -> None:
     """Just inside -1/(n-1) < a < 1 the plant is DIC, just outside and at the limits it is not."""
     lower = -1 / (n - 1)
     for a, expected in (
-        (lower + 1e-6, Verdict.GUARANTEED),
-        (0.0, Verdict.GUARANTEED),
-        (1 - 1e-6, Verdict.GUARANTEED),
-        (lower - 1e-6, Verdict.IMPOSSIBLE),
-        (1 + 1e-6, Verdict.IMPOSSIBLE),
-        (1.0, Verdict.IMPOSSIBLE),
+        (lower + 1e-6, ControllabilityVerdict.GUARANTEED),
+        (0.0, ControllabilityVerdict.GUARANTEED),
+        (1 - 1e-6, ControllabilityVerdict.GUARANTEED),
+        (lower - 1e-6, ControllabilityVerdict.IMPOSSIBLE),
+        (1 + 1e-6, ControllabilityVerdict.IMPOSSIBLE),
+        (1.0, ControllabilityVerdict.IMPOSSIBLE),
     ):
         matrix = ParallelMatrix(n, -3.0, -3.0 * a)
         closed = parallel_integral_controllability(matrix)
@@ -57,7 +57,7 @@ def test_own_gain_of_zero() -> None:
     """A loop whose input does not reach its output cannot have integral action."""
     assert parallel_integral_controllability(ParallelMatrix(3, 0.0, 1.0)).failing_subsets == ((0,),)
     result = integral_controllability(np.array([[1.0, 2.0], [3.0, 0.0]]))
-    assert result.verdict is Verdict.IMPOSSIBLE
+    assert result.verdict is ControllabilityVerdict.IMPOSSIBLE
     assert result.failing_subsets == ((1,),)
 
 
@@ -65,18 +65,21 @@ def test_one_loop() -> None:
     """A single loop with gain is DIC, with either sign."""
     for gain in (2.0, -2.0):
         assert parallel_integral_controllability(ParallelMatrix(1, gain, 0.0)).verdict is (
-            Verdict.GUARANTEED
+            ControllabilityVerdict.GUARANTEED
         )
-        assert integral_controllability(np.array([[gain]])).verdict is Verdict.GUARANTEED
+        assert (
+            integral_controllability(np.array([[gain]])).verdict
+            is ControllabilityVerdict.GUARANTEED
+        )
 
 
 def test_example_11_1_as_numbered_is_impossible() -> None:
     """Astrom and Hagglund, Example 11.1: index -1, so no DIC; swapped, DIC is proven."""
     result = integral_controllability(np.array([[1.0, 2.0], [1.0, 1.0]]))
-    assert result.verdict is Verdict.IMPOSSIBLE
+    assert result.verdict is ControllabilityVerdict.IMPOSSIBLE
     assert "Niederlinski" in result.reasons[0]
     assert integral_controllability(np.array([[2.0, 1.0], [1.0, 1.0]])).verdict is (
-        Verdict.GUARANTEED
+        ControllabilityVerdict.GUARANTEED
     )
 
 
@@ -84,7 +87,7 @@ def test_eigenvalue_condition_sees_more_than_relative_gains() -> None:
     """A cyclic gain with positive minors and eigenvalues in the left half plane fails."""
     gain = np.array([[1.0, 3.0, 0.0], [0.0, 1.0, 3.0], [3.0, 0.0, 1.0]])
     result = integral_controllability(gain)
-    assert result.verdict is Verdict.IMPOSSIBLE
+    assert result.verdict is ControllabilityVerdict.IMPOSSIBLE
     assert result.failing_subsets == ((0, 1, 2),)
     assert "eigenvalue" in result.reasons[0]
     assert result.smallest_eigenvalue == pytest.approx(-0.5)
@@ -94,7 +97,7 @@ def test_gap_between_the_conditions_is_undecided() -> None:
     """A gain that meets the necessary conditions on every subset and has no diagonal proof."""
     gain = np.array([[1.8, 2.1, -0.3], [2.7, -0.3, 0.7], [1.8, 0.2, -0.5]])
     result = integral_controllability(gain)
-    assert result.verdict is Verdict.UNDECIDED
+    assert result.verdict is ControllabilityVerdict.UNDECIDED
     assert result.scaling is None
     assert result.smallest_eigenvalue > 0
 
@@ -109,7 +112,7 @@ def test_proof_exists_where_one_was_built_in(n: int, seed: int) -> None:
     core = A @ A.T + 0.1 * np.eye(n) + skew - skew.T
     gain = core / 10 ** rng.uniform(-1, 1, n)[:, None] * np.where(rng.uniform(size=n) < 0.5, -1, 1)
     result = integral_controllability(gain)
-    assert result.verdict is Verdict.GUARANTEED
+    assert result.verdict is ControllabilityVerdict.GUARANTEED
     positive = gain * np.sign(np.diag(gain))
     assert result.scaling is not None
     DG = result.scaling[:, None] * positive
@@ -132,10 +135,10 @@ def test_verdicts_agree_with_slow_integrators(n: int, seed: int) -> None:
     def slowest(K: np.ndarray) -> float:
         return float(np.min(np.linalg.eigvals(K[:, None] * positive).real))
 
-    if result.verdict is Verdict.GUARANTEED:
+    if result.verdict is ControllabilityVerdict.GUARANTEED:
         for _ in range(50):
             assert slowest(10 ** rng.uniform(-3, 3, n)) > 0
-    if result.verdict is Verdict.IMPOSSIBLE:
+    if result.verdict is ControllabilityVerdict.IMPOSSIBLE:
         for subset in result.failing_subsets:
             part = positive[np.ix_(subset, subset)]
             assert np.min(np.linalg.eigvals(part).real) <= 0 or np.linalg.det(part) <= 0

@@ -8,7 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from solver.interaction.integral_controllability import Verdict, integral_controllability
+from solver.interaction.integral_controllability import (
+    ControllabilityVerdict,
+    integral_controllability,
+)
 from solver.interaction.pairing import (
     KEPT,
     _assignments,
@@ -99,7 +102,11 @@ def test_recommended_pairing_is_integral_controllable(n: int, seed: int) -> None
         inputs: integral_controllability(P[:, inputs]).verdict
         for inputs in itertools.permutations(range(n))
     }
-    sound = [inputs for inputs, verdict in every.items() if verdict is not Verdict.IMPOSSIBLE]
+    sound = [
+        inputs
+        for inputs, verdict in every.items()
+        if verdict is not ControllabilityVerdict.IMPOSSIBLE
+    ]
     if ranking.recommended is None:
         assert not sound
         return
@@ -118,7 +125,7 @@ def test_parallel_plants_outside_the_limits(a: float, some: bool) -> None:
     sound = [
         inputs
         for inputs in itertools.permutations(range(4))
-        if integral_controllability(P[:, inputs]).verdict is not Verdict.IMPOSSIBLE
+        if integral_controllability(P[:, inputs]).verdict is not ControllabilityVerdict.IMPOSSIBLE
     ]
     assert bool(sound) is some
     best = rank_pairings(P).recommended

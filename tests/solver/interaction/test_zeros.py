@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from solver.interaction.zero_search import Box, zeros_in_box
+from solver.interaction.zero_search import Rectangle, zeros_in_box
 from solver.interaction.zeros import (
     Direction,
     ZeroMethod,
@@ -229,7 +229,7 @@ def test_search_finds_the_zeros_built_in(seed: int, count: int) -> None:
             value = value * (points - root) / (abs(points) + abs(root))
         return value
 
-    found = zeros_in_box(function, Box(-1e-7, -1e-7, 10.0, 10.0))
+    found = zeros_in_box(function, Rectangle(-1e-7, -1e-7, 10.0, 10.0))
     values = np.array([root.value for root in found for _ in range(root.multiplicity)])
     assert values.size == count
     if count:
@@ -240,6 +240,6 @@ def test_search_finds_the_zeros_built_in(seed: int, count: int) -> None:
 
 def test_search_reports_a_double_zero_once() -> None:
     """A double zero is one root of multiplicity two."""
-    found = zeros_in_box(lambda s: (s - 0.7 - 0.2j) ** 2 * (s + 1), Box(0, 0, 2, 2))
+    found = zeros_in_box(lambda s: (s - 0.7 - 0.2j) ** 2 * (s + 1), Rectangle(0, 0, 2, 2))
     assert [root.multiplicity for root in found] == [2]
     assert found[0].value == pytest.approx(0.7 + 0.2j, abs=1e-5)

@@ -15,7 +15,7 @@ from solver.certificate.verify import Verdict, verify
 from solver.interaction.analysis import analyse_interaction
 from solver.model.controllers import Controller
 from solver.model.errors import UnsupportedPlantError
-from solver.model.plants import MatrixPlant, Place, Plant
+from solver.model.plants import MatrixPlant, PlacedElement, Plant
 from solver.model.transfer_function import TransferFunction
 from solver.model.weights import Performance, Uncertainty
 from solver.robustness.analysis import analyse
@@ -45,11 +45,11 @@ class Row(Plant):
         return False
 
     @property
-    def places(self) -> tuple[Place, ...]:
+    def places(self) -> tuple[PlacedElement, ...]:
         """Both functions."""
         return (
-            Place("process", "/process", self.process),
-            Place("neighbour", "/neighbour", self.neighbour),
+            PlacedElement("process", "/process", self.process),
+            PlacedElement("neighbour", "/neighbour", self.neighbour),
         )
 
     def element(self, row: int, column: int) -> TransferFunction:

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from solver.model.errors import InvalidInputError
-from solver.mu.lower_bound import LowerBound, lower_bound
+from solver.mu.lower_bound import MuLowerBound, lower_bound
 from solver.mu.scaling import upper_bound
 from solver.mu.structure import BlockStructure
 
@@ -32,7 +32,7 @@ def ab13md(N: NDArray[np.complex128], sizes: list[int]) -> NDArray[np.float64]:
 
 
 def assert_attained(
-    N: NDArray[np.complex128], structure: BlockStructure, bound: LowerBound
+    N: NDArray[np.complex128], structure: BlockStructure, bound: MuLowerBound
 ) -> None:
     """Delta has the structure and norm one, and I - N Delta / mu is singular."""
     performance = [structure.n_scales] * structure.performance

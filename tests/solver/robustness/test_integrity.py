@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from solver.interaction.integral_controllability import Verdict
+from solver.interaction.integral_controllability import ControllabilityVerdict
 from solver.model.blocks import group_loops
 from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError, UnsupportedPlantError
@@ -171,7 +171,7 @@ def test_published_settings_lose_performance_with_the_first_loop_in_manual() -> 
     assert alone[(0, 1)] is not None
     assert alone[(1, 0)].value < 1 < alone[(0, 1)].value
     assert found.controllability is not None
-    assert found.controllability.verdict is Verdict.GUARANTEED
+    assert found.controllability.verdict is ControllabilityVerdict.GUARANTEED
     assert found.summary == (
         "loops out of service: of 3 sets of loops in service all stable, all robustly stable, "
         "2 with robust performance"
@@ -195,7 +195,7 @@ def test_a_loop_that_needs_the_others_is_found() -> None:
     stable = {each.in_service: each.nominally_stable for each in turned.classes}
     assert stable[(1, 0)]
     assert turned.controllability is not None
-    assert turned.controllability.verdict is Verdict.GUARANTEED
+    assert turned.controllability.verdict is ControllabilityVerdict.GUARANTEED
 
 
 def test_nothing_stable_has_no_peaks() -> None:

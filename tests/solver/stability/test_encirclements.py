@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from solver.stability.encirclements import Batch, count_unstable
+from solver.stability.encirclements import LoopBatch, count_unstable
 
 # num, den of L, den without roots in the open right half plane.
 LOOPS = [
@@ -25,7 +25,7 @@ LOOPS = [
 BENDS = np.array([0.05, 20.0])
 
 
-def scalar_loops(loops: list[tuple[list[float], list[float]]], dead_time: float = 0.0) -> Batch:
+def scalar_loops(loops: list[tuple[list[float], list[float]]], dead_time: float = 0.0) -> LoopBatch:
     """The given scalar loops as one batch."""
 
     def loop_gain(omega: NDArray[np.float64]) -> NDArray[np.complex128]:
@@ -34,7 +34,7 @@ def scalar_loops(loops: list[tuple[list[float], list[float]]], dead_time: float 
         return (np.stack(values, axis=-1) * np.exp(-dead_time * s)[:, None])[:, :, None, None]
 
     direct = [num[0] / den[0] if len(num) == len(den) else 0.0 for num, den in loops]
-    return Batch(loop_gain, BENDS, np.array([]), np.array(direct)[:, None, None])
+    return LoopBatch(loop_gain, BENDS, np.array([]), np.array(direct)[:, None, None])
 
 
 def test_counts_are_those_of_the_closed_loop_polynomial() -> None:
@@ -75,5 +75,5 @@ def test_coupled_loops_count_by_their_determinant() -> None:
         L[:, 0, 0, 1] = 5 / (s + 2)
         return L
 
-    found = count_unstable(Batch(loop_gain, BENDS, np.array([]), np.zeros((1, 2, 2))))
+    found = count_unstable(LoopBatch(loop_gain, BENDS, np.array([]), np.zeros((1, 2, 2))))
     assert found.tolist() == [3]
