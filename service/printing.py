@@ -9,8 +9,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from service.schemas.peaks import Peaks
-from service.wording import forms, number
+from service.schemas.peaks import Guarantee, Peaks
+from service.wording import forms, guarantee_text, number
 from solver.model.controllers import Controller
 
 __all__ = [
@@ -87,8 +87,12 @@ def peaks_grid(peaks: Peaks) -> Grid:
     return Grid(heads, rows, frozenset({0, 3}))
 
 
-def proof_lines(certificate: Mapping[str, Any] | None) -> Iterator[Line]:
-    """Yield what a certificate proves."""
+def proof_lines(
+    certificate: Mapping[str, Any] | None, guarantee: Guarantee | None
+) -> Iterator[Line]:
+    """Yield what a certificate proves, or without one what the guarantee says."""
+    if certificate is None and guarantee is not None:
+        yield Line(guarantee_text(guarantee))
     if certificate is not None:
         yield Line(
             f"Proven: stable, and μ of robust performance at most {certificate['gamma']:.6g} at "

@@ -95,9 +95,11 @@ def sweep(
     """
     from solver.tuning import tuner  # noqa: PLC0415 - compiled kernels, where tunings run alone
 
+    # What is drawn of a tuning needs no certificate.
+    plain = request.model_copy(update={"certificate": "none"})
     variation = Variation(field, tuple(values))
     collected = Collected([variation])
-    for item in expand(canonical(request).encode(), [variation]):
+    for item in expand(canonical(plain).encode(), [variation]):
         if item.faults:
             raise RequestError(item.faults)
         varied = parse_tuning_request(item.request)

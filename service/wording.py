@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from service.schemas.peaks import Peaks
+from service.schemas.peaks import Guarantee, Peaks
 from service.schemas.tunings import Optimality, TuningResult
 from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError
@@ -17,6 +17,7 @@ __all__ = [
     "TIME_UNIT",
     "Form",
     "forms",
+    "guarantee_text",
     "headline",
     "loops_text",
     "number",
@@ -55,6 +56,15 @@ def headline(result: TuningResult, unit: str = TIME_UNIT) -> str:
              "time_limit": ", the best up to the time limit"}.get(result.status, "")  # fmt: skip
     unmet = "The demand is not met. " if result.demand_met is False else ""
     return f"{unmet}{found}{ended}."
+
+
+def guarantee_text(guarantee: Guarantee | None) -> str:
+    """Say what is proven over all frequencies; nothing where nothing was to be."""
+    if guarantee is None:
+        return ""
+    if guarantee.status == "proven":
+        return f"Proven: mu is at most {number(guarantee.level)} at every frequency."
+    return f"Not proven over all frequencies: {guarantee.reason}."
 
 
 def optimality_text(proof: Optimality | None) -> str | None:

@@ -44,6 +44,12 @@ _PEAKS = dict.fromkeys(
 class LimitRequest(TuningRequest, AnalysisRequest):
     """Ask what any controller could do; a tuning request, whose loops are tuned beside it."""
 
+    certificate: Literal["none", "full"] = Field(
+        default="none",
+        description="Without effect: a limit carries no proof of the loops beside it.",
+        examples=["none"],
+    )
+
     model_config = ConfigDict(json_schema_extra={"examples": [EXAMPLE]})
 
 

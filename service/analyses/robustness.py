@@ -61,9 +61,10 @@ class RobustnessRequest(GivenLoops):
         examples=[None, [0.001, 0.01, 0.1, 1.0, 10.0]],
     )
     certificate: Literal["none", "full"] = Field(
-        default="none",
-        description="full: the result carries a proof for all frequencies.",
-        examples=["none"],
+        default="full",
+        description="full: the result carries a proof, for all frequencies, of a level just above "
+        "its peak; none: the result is smaller, and its guarantee stands all the same.",
+        examples=["full"],
     )
 
     method: Literal["kernel", "sdp"] = Field(
@@ -252,8 +253,7 @@ def table(result: RobustnessResult) -> list[Part]:
         peak = result.peaks.robust_performance.value
         if peak is not None and peak > 0 and abs(peak - 1) > NEAR_ONE:
             parts.append(Line(weights_factor(peak)))
-    if result.guarantee is not None and result.certificate is None:
-        parts.append(Line(_proven(result.guarantee)))
+    parts += proof_lines(result.certificate, result.guarantee)
     if result.lower_bound is not None:
         bound = number(result.lower_bound.value)
         parts.append(Line(f"A plant in the set reaches {bound}: the lower bound of that peak."))
@@ -267,7 +267,6 @@ def table(result: RobustnessResult) -> list[Part]:
     if result.uncertainty_scaling is not None:
         factor = number(result.uncertainty_scaling)
         parts.append(Line(f"All plants stay stable up to {factor} times the uncertainty."))
-    parts += proof_lines(result.certificate)
     parts += [line for line in tolerance if line.style == "plain"]
     if result.margins:
         parts.append(_margins(result.margins))
@@ -313,12 +312,6 @@ def _unstable(result: RobustnessResult) -> str:
     if drifting:
         found.append(f"{drifting} at s = 0, where integrators drift")
     return f"Unstable: {', '.join(found)}."
-
-
-def _proven(guarantee: Guarantee) -> str:
-    if guarantee.status == "proven":
-        return f"Proven: mu is at most {number(guarantee.level)} at every frequency."
-    return f"Not proven over all frequencies: {guarantee.reason}."
 
 
 def _least(tolerances: Sequence[ModelTolerance]) -> float:

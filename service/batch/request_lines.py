@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from service.problems import describe
-from service.schemas import Fault, RequestError, computation, parse_tuning_request
+from service.schemas import Fault, RequestError, computation, parse_batch_tuning
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -112,7 +112,7 @@ def _parsed(line: bytes) -> TuningRequest:
     if line.startswith(_COMMENTS):
         message = "a line holds a request and nothing else; JSON knows no comments"
         raise RequestError((Fault("", message),), is_json=False)
-    return parse_tuning_request(line)
+    return parse_batch_tuning(line)
 
 
 def _digest(content: bytes) -> str:

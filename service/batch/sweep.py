@@ -12,7 +12,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 from service.batch.request_lines import Item, read_items
-from service.schemas import Fault, RequestError, canonical, parse_tuning_request
+from service.schemas import Fault, RequestError, canonical, parse_batch_tuning
 
 __all__ = ["MAX_POINTS", "Variation", "expand"]
 
@@ -80,7 +80,7 @@ def expand(request: bytes, variations: list[Variation]) -> list[Item]:
         The request is at fault, it has no such field, or there are more than `MAX_POINTS` points.
 
     """
-    base = json.loads(canonical(parse_tuning_request(request)))
+    base = json.loads(canonical(parse_batch_tuning(request)))
     given = json.loads(request)
     names = sorted(_names(base))
     for variation in variations:

@@ -53,7 +53,7 @@ def tuning_table(result: TuningResult, *, interrupted: bool = False) -> list[Par
     if result.integrity is not None:
         parts.append(Line(f"{result.integrity[0].upper()}{result.integrity[1:]}."))
     parts += [Line(sentence) for sentence in result.advice]
-    parts += proof_lines(result.certificate)
+    parts += proof_lines(result.certificate, result.guarantee)
     parts.append(Line(_search(result.search)))
     return [*parts, *warning_lines(result.warnings)]
 

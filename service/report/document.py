@@ -23,7 +23,15 @@ from service.report import mathml
 from service.report.rendering import render, source
 from service.schemas import canonical
 from service.tuned import RequestedTuning
-from service.wording import OBJECTIVES, forms, headline, number, optimality_text, peak_rows
+from service.wording import (
+    OBJECTIVES,
+    forms,
+    guarantee_text,
+    headline,
+    number,
+    optimality_text,
+    peak_rows,
+)
 from solver import __version__
 from solver.robustness.margins import Margins, loop_margins
 
@@ -65,6 +73,7 @@ def report_html(tuned: RequestedTuning, made_at: datetime, job: str | None = Non
         elements=_elements(tuned),
         peaks=peak_rows(result.peaks),
         certificate=result.certificate,
+        proven=guarantee_text(result.guarantee),
         optimality=optimality_text(result.optimality),
         certificate_link=_data_url(json.dumps(result.certificate)),
         margins=_margins(tuned),

@@ -6,6 +6,7 @@ from service.schemas.parsing import (
     canonical,
     computation,
     parse,
+    parse_batch_tuning,
     parse_tuning_request,
 )
 from service.schemas.tunings import TuningRequest, TuningResult, tuning_to_json
@@ -18,6 +19,7 @@ __all__ = [
     "canonical",
     "computation",
     "parse",
+    "parse_batch_tuning",
     "parse_tuning_request",
     "tuning_to_json",
 ]

@@ -12,7 +12,7 @@ from service.jobs.records import BatchItem, JobStatus
 from service.problems import CancelledError, describe
 from service.schemas.fields import RequestModel
 from service.schemas.jobs import Timestamp, timestamp
-from service.schemas.tunings import EXAMPLE, TuningRequest
+from service.schemas.tunings import EXAMPLE, BatchTuningRequest
 
 __all__ = ["Batch", "BatchList", "BatchRequest", "batch_to_json", "item_to_json"]
 
@@ -23,11 +23,11 @@ _ID = "0c9a4f7e2b6d4e1f8a3c5d7e9b1f2a4c"
 class BatchRequest(RequestModel):
     """Many tunings as one batch."""
 
-    tunings: Annotated[tuple[TuningRequest, ...], Field(min_length=1, max_length=MAX_ITEMS)] = (
-        Field(
-            description="The tunings; equal ones are computed once. All are accepted, or none.",
-            examples=[[EXAMPLE]],
-        )
+    tunings: Annotated[
+        tuple[BatchTuningRequest, ...], Field(min_length=1, max_length=MAX_ITEMS)
+    ] = Field(
+        description="The tunings; equal ones are computed once. All are accepted, or none.",
+        examples=[[EXAMPLE]],
     )
 
     on_error: Literal["refuse", "skip"] = Field(

@@ -11,12 +11,20 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from pydantic import BaseModel, ValidationError
 
 from service.schemas.fields import RecordedRequest
-from service.schemas.tunings import TuningRequest
+from service.schemas.tunings import BatchTuningRequest, TuningRequest
 
 if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
 
-__all__ = ["Fault", "RequestError", "canonical", "computation", "parse", "parse_tuning_request"]
+__all__ = [
+    "Fault",
+    "RequestError",
+    "canonical",
+    "computation",
+    "parse",
+    "parse_batch_tuning",
+    "parse_tuning_request",
+]
 
 _Model = TypeVar("_Model", bound=BaseModel)
 
@@ -85,6 +93,18 @@ def parse(model: type[_Model], text: bytes | str) -> _Model:
         ) from None
     _refuse_repetition(text)
     return parsed
+
+
+def parse_batch_tuning(text: bytes | str) -> BatchTuningRequest:
+    """Return the tuning request of a batch that the JSON `text` holds.
+
+    Raises
+    ------
+    RequestError
+        The text is not JSON, or does not match the schema.
+
+    """
+    return parse(BatchTuningRequest, text)
 
 
 def parse_tuning_request(text: bytes | str) -> TuningRequest:

@@ -32,7 +32,14 @@ from solver.tuning.specification import (
     Specification,
 )
 
-__all__ = ["MAX_TIME_LIMIT", "Search", "TuningRequest", "TuningResult", "tuning_to_json"]
+__all__ = [
+    "MAX_TIME_LIMIT",
+    "BatchTuningRequest",
+    "Search",
+    "TuningRequest",
+    "TuningResult",
+    "tuning_to_json",
+]
 
 MAX_TIME_LIMIT = 86_400.0
 
@@ -50,7 +57,7 @@ EXAMPLE: dict[str, JsonValue] = {
     "controller": {"kind": "PI", "arrangement": "independent"},
     "objective": "tau_p",
     "search": {"starts": None, "seed": 0, "time_limit": 60.0},
-    "certificate": "none",
+    "certificate": "full",
 }
 
 Starts = Annotated[int, Field(ge=1, le=MAX_STARTS, json_schema_extra={"x-unit": "1"}), WHOLE]
@@ -127,9 +134,10 @@ class TuningRequest(RecordedRequest):
         default=Search(), description="How hard to search.", examples=[EXAMPLE["search"]]
     )
     certificate: Literal["none", "full"] = Field(
-        default="none",
-        description="full: the result carries a proof for all frequencies.",
-        examples=["none"],
+        default="full",
+        description="full: the result carries a proof, for all frequencies, of a level just above "
+        "its peak; none: the result is smaller, and its guarantee stands all the same.",
+        examples=["full"],
     )
 
     model_config = ConfigDict(json_schema_extra={"examples": [EXAMPLE]})
@@ -176,6 +184,19 @@ class TuningRequest(RecordedRequest):
             certificate=self.certificate == "full",
             optimality_gap=self.search.optimality_gap,
         )
+
+
+class BatchTuningRequest(TuningRequest):
+    """Ask for a tuning as one of many, whose results are to stay small."""
+
+    certificate: Literal["none", "full"] = Field(
+        default="none",
+        description="full: the result carries a proof, for all frequencies, of a level just above "
+        "its peak.",
+        examples=["none"],
+    )
+
+    model_config = ConfigDict(json_schema_extra={"examples": [{**EXAMPLE, "certificate": "none"}]})
 
 
 class LoopOfUnits(Loop):

@@ -30,9 +30,13 @@ if TYPE_CHECKING:
     from solver.model.plants import Plant
     from solver.model.weights import Performance, Uncertainty
 
-__all__ = ["CertificateFailure", "Obstacle", "certify", "prove"]
+__all__ = ["PROVEN_ABOVE", "CertificateFailure", "Obstacle", "certify", "prove"]
 
+PROVEN_ABOVE = 1 + 2e-4  # level of a certificate over the peak; a touch cannot be proven
 MAX_ATTEMPTS = 5_000  # about ten seconds for two loops
+BESIDE_A_RESULT = (
+    40_000  # attempts times loops squared: about five seconds, for any number of loops
+)
 NARROWEST = 1e-9  # log(ratio of the ends) below which only a touch of the level can be left
 FARTHEST = 1e15  # ratio of the ends of the axis to its middle; no process spans more
 WIDER, NARROWER = 1.15, 0.7  # change of log(ratio) after an interval was proven, or not
@@ -73,7 +77,7 @@ class CertificateFailure:
 
 
 def certify(
-    claim: Claim, interrupt: Callable[[], object] = lambda: None
+    claim: Claim, interrupt: Callable[[], object] = lambda: None, attempts: int = MAX_ATTEMPTS
 ) -> Certificate | CertificateFailure:
     """Return a certificate of the claim, or why none was found.
 
@@ -87,6 +91,8 @@ def certify(
         What is to be proven.
     interrupt : callable
         Called every few milliseconds; whatever it raises ends the work.
+    attempts : int
+        Intervals that may be tried.
 
     Raises
     ------
@@ -102,7 +108,7 @@ def certify(
     if _leaves_powers(claim):
         return CertificateFailure(Obstacle.PROPORTIONAL)
     with working_precision(PRECISION):
-        search = _CertificateSearch(claim, interrupt)
+        search = _CertificateSearch(claim, interrupt, attempts)
         try:
             search.cover_all_frequencies()
         except _ObstacleMetError as met:
@@ -130,14 +136,14 @@ def _leaves_powers(claim: Claim) -> bool:
 class _CertificateSearch:
     """Keeps what has been proven."""
 
-    def __init__(self, claim: Claim, interrupt: Callable[[], object]) -> None:
+    def __init__(self, claim: Claim, interrupt: Callable[[], object], attempts: int) -> None:
         self.claim = claim
         self.loop = ExactLoop.of(claim)
         self.blocks, self.controllers = group_loops(
             claim.plant, claim.loops, claim.uncertainty.structure, claim.performance.output_scale
         )
         self.interrupt = interrupt
-        self.attempts = 0
+        self.attempts = attempts
         self.proven: list[ProvenInterval] = []
         self.turns: list[Turns] = []
 
@@ -167,11 +173,11 @@ class _CertificateSearch:
     def _prove(self, interval: Interval, inside: float) -> bool:
         """Whether the interval is proven by the D-scales optimal at the frequency `inside`."""
         self.interrupt()
-        self.attempts += 1
+        self.attempts -= 1
         mu, scales = self._optimal_scales(inside)
         if not mu <= self.claim.gamma:
             raise _ObstacleMetError(Obstacle.EXCEEDED, inside, mu)
-        self._require(self.attempts < MAX_ATTEMPTS, inside)
+        self._require(self.attempts > 0, inside)
         found = examine(self.loop, interval, scales)
         if isinstance(found, Gap):
             return False
@@ -210,8 +216,13 @@ def prove(
     *,
     interrupt: Callable[[], object] = lambda: None,
 ) -> tuple[Certificate | None, list[str]]:
-    """Return the certificate that mu <= `level` and no warning, or none and the reason."""
-    outcome = certify(Claim(plant, uncertainty, performance, tuple(loops), level), interrupt)
+    """Return the certificate that mu <= `level` and no warning, or none and the reason.
+
+    What takes much longer than the result that it goes with is given up: `certify` goes on.
+    """
+    claim = Claim(plant, uncertainty, performance, tuple(loops), level)
+    size = len(settings_of(plant, claim.loops, performance.output_scale))
+    outcome = certify(claim, interrupt, min(MAX_ATTEMPTS, BESIDE_A_RESULT // size**2))
     if isinstance(outcome, Certificate):
         return outcome, []
     where = "" if outcome.omega is None else f" near omega = {outcome.omega:.4g}"

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solver.certificate.search import prove
+from solver.certificate.search import PROVEN_ABOVE, prove
 from solver.model.blocks import group_loops
 from solver.model.given import require_loops, require_weights
 from solver.model.peaks import Peak
@@ -37,8 +37,6 @@ if TYPE_CHECKING:
     from solver.model.weights import Performance, Uncertainty
 
 __all__ = ["analyse"]
-
-PROVEN_ABOVE = 1 + 2e-4  # level of a certificate over the peak; a touch cannot be proven
 
 
 def analyse(

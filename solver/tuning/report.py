@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from solver.certificate.search import prove
+from solver.certificate.search import PROVEN_ABOVE, prove
 from solver.model.remarks import plant_remarks
 from solver.robustness.integrity import in_one_line
 from solver.tuning.advice import advice
@@ -15,7 +15,6 @@ from solver.tuning.endless import remarks
 from solver.tuning.output_units import output_units_warning
 from solver.tuning.record import Comparison, LocalOptimum, SearchSummary, Status, Tuning
 from solver.tuning.settle import Settled, settled
-from solver.tuning.specification import Objective
 
 if TYPE_CHECKING:
     import numpy as np
@@ -30,9 +29,8 @@ if TYPE_CHECKING:
     from solver.tuning.solutions import Solution, Solutions
     from solver.tuning.specification import Specification
 
-__all__ = ["MARGIN", "infeasible", "report"]
+__all__ = ["infeasible", "report"]
 
-MARGIN = 2e-4  # of mu, where a proof for all frequencies is wanted; costs about 0.1 % of tau_P
 OTHER_SIGNS = (
     "loops {loops} have gains of the sign opposite to their own process's: they are stable only "
     "together with the others, never alone"
@@ -77,14 +75,10 @@ def report(
     ]
     certificate = None
     if specification.certificate:
-        level = 1.0
-        if specification.objective is Objective.MU:
-            level = end.peaks.robust_performance.value * (1 + MARGIN)
         try:
-            certificate, reasons = _prove(specification, end, level, clock)
+            certificate, reasons = _prove(specification, end, clock)
             warnings += reasons
-        except OutOfTimeError:
-            status = Status.TIME_LIMIT
+        except OutOfTimeError:  # the settings are what they are without it
             warnings.append("no certificate: the time limit came first")
     return Tuning(
         status=status,
@@ -141,8 +135,9 @@ def infeasible(
 
 
 def _prove(
-    specification: Specification, end: Settled, level: float, clock: Clock
+    specification: Specification, end: Settled, clock: Clock
 ) -> tuple[Certificate | None, list[str]]:
+    level = PROVEN_ABOVE * end.peaks.robust_performance.value
     return prove(
         specification.plant, specification.uncertainty, end.performance, end.loops, level,
         interrupt=clock.tick,

@@ -144,7 +144,7 @@ class Specification:
     time_limit : float or None
         Seconds, > 0.
     certificate : bool
-        Whether the result must carry a proof for all frequencies.
+        Whether the result carries a proof, for all frequencies, of a level just above its peak.
     start : tuple of Controller or None
         One loop a unit: only the best settings beside these are sought, in a tenth of the time.
     optimality_gap : bool

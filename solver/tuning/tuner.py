@@ -17,7 +17,7 @@ from solver.tuning.feasibility import impossibility, other_signs
 from solver.tuning.given_start import given_groups, signs_of
 from solver.tuning.groupings import groupings, neighbours
 from solver.tuning.record import Status
-from solver.tuning.report import MARGIN, infeasible, report
+from solver.tuning.report import infeasible, report
 from solver.tuning.search import Freedom
 from solver.tuning.solutions import Solution, Solutions
 from solver.tuning.specification import Arrangement, Objective, Signs, Specification
@@ -113,8 +113,7 @@ class _Run:
         self.specification = specification
         self.partitions = list(groupings(specification))
         self.clock = Clock(specification.time_limit, progress, self.as_objective)
-        target = 1 - MARGIN if specification.certificate else 1.0
-        self.solutions = Solutions(specification, target, self.clock)
+        self.solutions = Solutions(specification, 1.0, self.clock)
         self.status = Status.OPTIMAL
         self.found: list[Solution] = []
 

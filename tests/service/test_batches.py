@@ -10,7 +10,9 @@ import pytest
 from fake_tune import SLOW, UNSUPPORTED
 from samples import altered, tuning
 
+from service.batch.request_lines import read_items
 from service.jobs.records import BatchItem, JobStatus, Outcome
+from service.schemas import parse_batch_tuning, parse_tuning_request
 from service.schemas.batches import item_to_json
 
 PATH = "/v1/batches"
@@ -60,6 +62,17 @@ def test_equal_tunings_are_computed_once(client: httpx.Client) -> None:
     lines = results(client, start(client, tuning(9), tuning(10), spelled_out))
     assert lines[0]["id"] == lines[2]["id"] != lines[1]["id"]
     assert lines[0]["result"] == lines[2]["result"]
+
+
+def test_tunings_of_a_batch_carry_a_certificate_where_they_ask_only() -> None:
+    """Single requests carry one; ten thousand results stay small."""
+    text = json.dumps(tuning(9))
+    assert parse_tuning_request(text).certificate == "full"
+    assert parse_batch_tuning(text).certificate == "none"
+    asked = json.dumps({**tuning(9), "certificate": "full"})
+    assert parse_batch_tuning(asked).certificate == "full"
+    (item,) = read_items(text.encode())
+    assert json.loads(item.request)["certificate"] == "none"
 
 
 def test_failure_is_reported_for_its_item_alone(client: httpx.Client) -> None:

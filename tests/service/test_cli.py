@@ -196,7 +196,7 @@ def test_robustness_prints_the_json_result_alone() -> None:
 
 def test_robustness_prints_peaks_margins_and_proof() -> None:
     """The tables show stability, peaks, the margins of each loop, and what is proven."""
-    output = mutune("robustness", "-", request={**ROBUSTNESS, "certificate": "full"}).stdout
+    output = mutune("robustness", "-", request=ROBUSTNESS).stdout
     assert "Nominally stable, demand not met: mu reaches 1.0003, above 1." in output
     assert "at most 1: demand met" not in output
     assert re.search(r"robust performance +1\.0003 +0\.031436", output)

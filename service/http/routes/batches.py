@@ -18,7 +18,7 @@ from service.jobs.records import Batch as BatchRecord
 from service.jobs.records import NewJob
 from service.problems import BodyTooLargeError, NotFoundError, describe
 from service.schemas.batches import Batch, BatchList, BatchRequest, batch_to_json
-from service.schemas.parsing import Fault, RequestError, parse_tuning_request
+from service.schemas.parsing import Fault, RequestError, parse_batch_tuning
 from solver.model.errors import InvalidInputError
 
 __all__ = ["BatchId", "find_batch", "router"]
@@ -134,7 +134,7 @@ def _job(
 ) -> tuple[NewJob, RequestError | None]:
     """Return the job that a text asks for, and what is wrong with it."""
     try:
-        return new_job(parse_tuning_request(text), longest, reuse=reuse), None
+        return new_job(parse_batch_tuning(text), longest, reuse=reuse), None
     except RequestError as error:
         fault = error
     except InvalidInputError as error:
