@@ -34,9 +34,7 @@ __all__ = ["PROVEN_ABOVE", "CertificateFailure", "Obstacle", "certify", "prove"]
 
 PROVEN_ABOVE = 1 + 2e-4  # level of a certificate over the peak; a touch cannot be proven
 MAX_ATTEMPTS = 5_000  # about ten seconds for two loops
-BESIDE_A_RESULT = (
-    40_000  # attempts times loops squared: about five seconds, for any number of loops
-)
+BESIDE_A_RESULT = 40_000  # attempts times settings squared: about five seconds
 NARROWEST = 1e-9  # log(ratio of the ends) below which only a touch of the level can be left
 FARTHEST = 1e15  # ratio of the ends of the axis to its middle; no process spans more
 WIDER, NARROWER = 1.15, 0.7  # change of log(ratio) after an interval was proven, or not
