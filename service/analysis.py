@@ -8,6 +8,7 @@ from typing import Any, Generic, TypeVar
 
 from pydantic import BaseModel
 
+from service.effort import Effort
 from service.printing import Part
 from service.schemas.drawn import Drawn
 from service.schemas.fields import AnalysisRequest
@@ -82,6 +83,9 @@ class Analysis(Generic[_Request, _Result]):
         then ends with the exit code of an infeasible task.
     figures : Figures or None
         Its figures, where it has any.
+    effort : callable or None
+        From what a request builds to what computing it costs, where that can be more than a
+        request may take.
     immediate : callable
         From request to whether it is computed by the process that reads it: arithmetic on a few
         numbers, which should not wait behind others.
@@ -99,6 +103,7 @@ class Analysis(Generic[_Request, _Result]):
     table: Callable[[_Result], Sequence[Part]]
     figures: Figures[Any] | None = None
     fails: Callable[[_Result], bool] | None = None
+    effort: Callable[[Any], Effort | None] | None = None
     immediate: Callable[[_Request], bool] = _never
 
     @property

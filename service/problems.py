@@ -18,6 +18,7 @@ __all__ = [
     "BodyTooLargeError",
     "CancelledError",
     "ConflictError",
+    "EffortError",
     "ForbiddenError",
     "MediaTypeError",
     "MethodError",
@@ -129,6 +130,10 @@ class MisdirectedError(ProblemError):
     """The request is addressed to a name that is not this service's."""
 
 
+class EffortError(ProblemError):
+    """The request asks for more than can be computed while its caller waits."""
+
+
 class UnauthorizedError(ProblemError):
     """The request carries no valid API key."""
 
@@ -194,6 +199,7 @@ KINDS: dict[type[Exception], Kind] = {
     UnsupportedPlantError: Kind(422, "unsupported-plant", "The plant is not supported"),
     InvalidInputError: Kind(422, "invalid-input", "The mathematics cannot accept a value"),
     NumbersError: Kind(422, "numbers", "The numbers are beyond double precision"),
+    EffortError: Kind(422, "too-much-work", "The analysis is too large for a request"),
     BodyTooLargeError: Kind(413, "body-too-large", "The body is too large"),
     MediaTypeError: Kind(415, "media-type", "The body must be JSON"),
     SlowBodyError: Kind(408, "slow-body", "The body comes too slowly"),

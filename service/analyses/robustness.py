@@ -17,6 +17,7 @@ from pydantic import ConfigDict, Field
 import solver.model.plants
 import solver.model.weights
 from service.analysis import Analysis, Figures
+from service.effort import different_loops
 from service.printing import ROUNDED, Grid, Line, Part, peaks_grid, proof_lines, warning_lines
 from service.schemas.drawn import DrawnRobustness
 from service.schemas.encoding import encode
@@ -388,6 +389,9 @@ ANALYSIS = Analysis(
     compute=compute,
     computes_with=("solver.robustness.analysis", "solver.certificate.search"),
     table=table,
+    effort=lambda task: different_loops(
+        task.plant, task.loops, task.uncertainty, task.performance, proof=task.certificate
+    ),
     fails=lambda result: not result.nominally_stable,
     figures=Figures(of="a robustness analysis", drawn=DrawnRobustness, draw=draw),
 )

@@ -16,6 +16,7 @@ import solver.model.weights
 import solver.simulation.directions
 import solver.simulation.step_response
 from service.analysis import Analysis, Figures
+from service.effort import Effort, of_different_loops
 from service.printing import Grid, Line, Part
 from service.schemas.drawn import DrawnStepResponse
 from service.schemas.encoding import encode
@@ -418,6 +419,13 @@ def draw(result: DrawnStepResponse, unit: str) -> dict[str, Any]:
     return figures_to_json({"step_response": step_response(result, unit)})
 
 
+def _effort(task: StepResponseTask) -> Effort | None:
+    if task.demand is None:
+        return None
+    loops = [loop for loop in task.experiment.loops if loop is not None]
+    return of_different_loops(len(set(loops)))
+
+
 ANALYSIS = Analysis(
     name="step_response",
     resource="step-responses",
@@ -428,5 +436,6 @@ ANALYSIS = Analysis(
     compute=compute,
     computes_with=("solver.simulation.step_response", "solver.simulation.worst_actuators"),
     table=table,
+    effort=_effort,
     figures=Figures(of="a step response", drawn=DrawnStepResponse, draw=draw),
 )

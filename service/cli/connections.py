@@ -9,16 +9,19 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 __all__ = ["HEAD_BYTES", "PunctualProtocol"]
 
 HEAD_BYTES = 32_768  # request line and headers together
+_TAKING_SECONDS = 30.0  # for a caller to take the 64 kB that wait for it
 _HEAD_SECONDS = 10.0  # from the beginning of a connection, or the end of an answer, to a request
 
 
 class PunctualProtocol(H11Protocol):
     """HTTP/1.1 with a time limit for the head of a request, which uvicorn does not have.
 
-    Its own limit for idle connections ends with the first byte of a request.
+    Its own limit for idle connections ends with the first byte of a request, and for a caller that
+    does not read it waits for ever, with what was to be sent.
     """
 
     _timer: asyncio.TimerHandle | None = None
+    _taking: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Begin to wait for a request."""
@@ -34,6 +37,22 @@ class PunctualProtocol(H11Protocol):
         """Wait no longer."""
         super().connection_lost(exc)
         self._stop()
+        self._taken()
+
+    def pause_writing(self) -> None:
+        """Give a caller who does not take its answer so long, and no longer."""
+        super().pause_writing()
+        self._taking = self.loop.call_later(_TAKING_SECONDS, self.transport.abort)
+
+    def resume_writing(self) -> None:
+        """Go on: the caller has taken the most of what was sent."""
+        super().resume_writing()
+        self._taken()
+
+    def _taken(self) -> None:
+        if self._taking is not None:
+            self._taking.cancel()
+            self._taking = None
 
     def _look(self) -> None:
         """Let the timer run while there is no request, from when it was first missing."""

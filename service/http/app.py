@@ -98,6 +98,7 @@ def create_app(configuration: Configuration | None = None) -> FastAPI:
     )
     app.state.configuration = configuration or Configuration()
     app.state.metrics = RequestMetrics()
+    app.state.on_their_way = 0  # bytes of long answers
     errors.install(app)
     keys = app.state.configuration.api_keys_file
     app.state.keys = None if keys is None else KeyFile(keys)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from typing import Any, TypeVar
 
 from fastapi import Request
@@ -10,11 +11,12 @@ from pydantic import BaseModel
 from service.problems import BodyTooLargeError, MediaTypeError
 from service.schemas.parsing import parse
 
-__all__ = ["REFERENCE", "described_body", "read", "read_bytes"]
+__all__ = ["REFERENCE", "SHORT", "described_body", "read", "read_bytes"]
 
 REFERENCE = "#/components/schemas/{model}"
 
 _FORGOTTEN = 8_000_000  # bytes
+SHORT = 10_000  # bytes that are parsed in about a millisecond; more are in another thread
 
 _Model = TypeVar("_Model", bound=BaseModel)
 
@@ -28,7 +30,10 @@ async def read(request: Request, model: type[_Model]) -> _Model:
         It is not declared as JSON, too large, or does not match the schema.
 
     """
-    return parse(model, await read_bytes(request))
+    text = await read_bytes(request)
+    if len(text) <= SHORT:
+        return parse(model, text)
+    return await asyncio.to_thread(parse, model, text)
 
 
 async def read_bytes(request: Request) -> bytes:

@@ -22,7 +22,7 @@ from solver.simulation.chebyshev import (
     TO_COEFFICIENTS,
     evaluation_matrix,
 )
-from solver.simulation.propagator import Propagator
+from solver.simulation.propagator import MAX_WORK, Propagator
 from solver.simulation.switching import NoSwitching
 from solver.simulation.trajectory import Trajectory
 
@@ -44,7 +44,6 @@ _MAX_VALUES = 2e7  # numbers held, 160 MB
 _TOLERANCE = 1e-10
 _TINY = 1e-300  # what is nothing must not be divided by nothing
 _FIRST_GUESS = 64  # steps in the whole time, before anything is known
-_MAX_WORK = 1e11  # floating-point operations in matrix exponentials: 10 to 40 seconds
 _MAX_SWITCHES = 2000
 _SHORTEST = 2.0**-46  # of the whole time: accepted unresolved, no clock has more digits
 _TRY_LONGER = 8  # steps of one length before a longer one is tried without good reason
@@ -155,11 +154,11 @@ class _Integrator:
         while self.time < self.duration - self.tolerance:
             if len(self.trajectory) >= self.max_steps or self.switches >= _MAX_SWITCHES:
                 return self.trajectory, End.STEP_LIMIT
-            if sum(propagator.work for propagator in self.propagators.values()) > _MAX_WORK:
-                return self.trajectory, End.STEP_LIMIT
             self._take_events()
             before = self.time
             values = self._step()
+            if values is None:
+                return self.trajectory, End.STEP_LIMIT
             if self.time > before:
                 at_once = 0
                 if not np.all(np.abs(values[:, outputs]) <= bound):
@@ -186,8 +185,8 @@ class _Integrator:
             self.propagators[mode] = Propagator(self.wiring.build(mode))
         return self.propagators[mode]
 
-    def _step(self) -> NDArray[np.float64]:
-        """Take one step, or switch at once; return the node values of the step."""
+    def _step(self) -> NDArray[np.float64] | None:
+        """Take one step, or switch at once; return the node values, None after too much work."""
         propagator = self._propagator()
         room = min(
             self.breakpoints.after(self.time) - self.time,
@@ -195,6 +194,8 @@ class _Integrator:
             self.duration - self.time,
         )
         while True:
+            if sum(each.work for each in self.propagators.values()) > MAX_WORK:
+                return self._give_up()
             length = min(room, self.wanted)
             delayed = self._delayed(propagator.system, length)
             states = propagator.states(length, self.state, self.external, delayed)
@@ -216,6 +217,19 @@ class _Integrator:
             self._lengthen(length, roughness)
             return values
         return self._switch(propagator, found, length, delayed, values)
+
+    def _give_up(self) -> None:
+        """End here, where there is something to show.
+
+        Raises
+        ------
+        InvalidInputError
+            Not even one step could be taken.
+
+        """
+        if not len(self.trajectory):
+            message = "the plant and its loops have too many states, and rates too far apart"
+            raise InvalidInputError(message, "/plant")
 
     def _delayed(self, system: DelaySystem, length: float) -> NDArray[np.float64]:
         delayed = np.empty((DEGREE + 1, system.dead_times.size))

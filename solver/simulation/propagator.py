@@ -8,12 +8,14 @@ Control 23 (1978) 395-404). Nothing is approximated there, however stiff the sys
 from __future__ import annotations
 
 from collections import OrderedDict
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import expm, matrix_balance
 from scipy.sparse.csgraph import connected_components
 
+from solver.model.errors import InvalidInputError
 from solver.simulation.chebyshev import DEGREE, DIFFERENTIATION, NODES
 
 if TYPE_CHECKING:
@@ -21,9 +23,23 @@ if TYPE_CHECKING:
 
     from solver.simulation.delay_system import DelaySystem
 
-__all__ = ["Propagator"]
+__all__ = ["MAX_WORK", "Propagator"]
 
+MAX_WORK = 1e11  # floating-point operations in matrix exponentials: 10 to 40 seconds
 _CACHED_STEPS = 64
+_CACHED_VALUES = 10_000_000  # numbers in the operators that are kept, 80 MB
+
+
+@dataclass(frozen=True)
+class _Part:
+    """What moves the states `rows` over a step: exponential (places, rows, columns) times `given`.
+
+    `columns` are places in the start, the externals and the delayed polynomials, one after another.
+    """
+
+    rows: NDArray[np.int_]
+    columns: NDArray[np.int_]
+    exponential: NDArray[np.float64]
 
 
 class Propagator:
@@ -46,7 +62,7 @@ class Propagator:
         self.work = 0.0
         self._parts = _independent_parts(system)
         self._sizes = np.abs(system.C).T, np.abs(system.D_external), np.abs(system.D_delayed).T
-        self._operators: OrderedDict[float, NDArray[np.float64]] = OrderedDict()
+        self._operators: OrderedDict[float, list[_Part]] = OrderedDict()
 
     def states(
         self,
@@ -68,6 +84,11 @@ class Propagator:
         delayed : (DEGREE + 1, delays) ndarray
             Delayed signals at the nodes.
 
+        Raises
+        ------
+        InvalidInputError
+            More states act on each other than `MAX_WORK` allows.
+
         """
         # Steps that differ by rounding of their ends share one operator.
         key = float(f"{length:.12e}")
@@ -75,11 +96,14 @@ class Propagator:
         if operator is None:
             operator = self._operator(length, NODES)
             self._operators[key] = operator
-            if len(self._operators) > _CACHED_STEPS:
+            values = sum(part.exponential.size for part in operator)
+            while len(self._operators) > min(
+                _CACHED_STEPS, max(_CACHED_VALUES // max(values, 1), 1)
+            ):
                 self._operators.popitem(last=False)
         else:
             self._operators.move_to_end(key)
-        return _apply(operator, start, external, delayed)
+        return self._apply(operator, start, external, delayed)
 
     def state_within(
         self,
@@ -91,7 +115,7 @@ class Propagator:
     ) -> NDArray[np.float64]:
         """State (states,) at `place` in 0..1 of a step; the rest as for `states`."""
         operator = self._operator(length, np.array([place]))
-        state: NDArray[np.float64] = _apply(operator, start, external, delayed)[0]
+        state: NDArray[np.float64] = self._apply(operator, start, external, delayed)[0]
         return state
 
     def signals(
@@ -123,17 +147,23 @@ class Propagator:
         )
         return value
 
-    def _operator(self, length: float, places: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Matrix (places, states, states + externals + delays (DEGREE + 1)), see `_apply`."""
+    def _operator(self, length: float, places: NDArray[np.float64]) -> list[_Part]:
+        """Return what moves each part; all of them as one matrix would be zero for the most."""
         system = self.system
         states, externals = system.B_external.shape
-        delays = system.dead_times.size
-        operator = np.zeros((places.size, states, states + externals + delays * (DEGREE + 1)))
+        operator = []
         for rows, inputs, channels in self._parts:
             own, given = rows.size, inputs.size
             size = own + given + channels.size * (DEGREE + 1)
             # A Pade approximant and its squarings; small matrices cost as one of order 15.
-            self.work += 25.0 * places.size * max(size, 15) ** 3
+            work = 25.0 * places.size * max(size, 15) ** 3
+            if work > MAX_WORK:
+                message = (
+                    f"{own} states act on each other at once, which are too many to simulate: "
+                    "take elements of lower order, or fewer loops"
+                )
+                raise InvalidInputError(message, "/plant")
+            self.work += work
             matrix = np.zeros((size, size))
             matrix[:own, :own] = length * system.A[np.ix_(rows, rows)]
             matrix[:own, own : own + given] = length * system.B_external[np.ix_(rows, inputs)]
@@ -150,10 +180,28 @@ class Propagator:
             unit = self._units(rows, inputs, channels, length)
             # An unstable process may overflow in a step far too long: the integrator shortens it.
             with np.errstate(over="ignore", invalid="ignore"):
-                exponential = expm(places[:, None, None] * (matrix / unit[:, None] * unit))
-                exponential = exponential[:, :own] * unit[:own, None] / unit
-            operator[np.ix_(np.arange(places.size), rows, np.array(columns))] = exponential
+                scaled = matrix / unit[:, None] * unit
+                exponential = np.stack([expm(place * scaled)[:own] for place in places])
+                exponential = exponential * unit[:own, None] / unit
+            operator.append(_Part(rows, np.array(columns), exponential))
         return operator
+
+    def _apply(
+        self,
+        operator: list[_Part],
+        start: NDArray[np.float64],
+        external: NDArray[np.float64],
+        delayed: NDArray[np.float64],
+    ) -> NDArray[np.float64]:
+        """States (places, states)."""
+        given = np.concatenate([start, external, delayed.T.ravel()])
+        if not operator:
+            return np.zeros((delayed.shape[0], 0))
+        states = np.empty((operator[0].exponential.shape[0], start.size))
+        with np.errstate(over="ignore", invalid="ignore"):
+            for part in operator:
+                states[:, part.rows] = part.exponential @ given[part.columns]
+        return states
 
     def _units(
         self,
@@ -221,18 +269,6 @@ def natural_units(gains: NDArray[np.float64]) -> NDArray[np.float64]:
     wanted = (rate or 1.0) / np.where(strength > 0, strength, rate or 1.0)
     unit[states:] = np.exp2(np.round(np.log2(wanted)))
     return unit
-
-
-def _apply(
-    operator: NDArray[np.float64],
-    start: NDArray[np.float64],
-    external: NDArray[np.float64],
-    delayed: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    given = np.concatenate([start, external, delayed.T.ravel()])
-    with np.errstate(over="ignore", invalid="ignore"):
-        states: NDArray[np.float64] = operator @ given
-    return states
 
 
 def _independent_parts(

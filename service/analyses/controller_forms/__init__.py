@@ -14,6 +14,7 @@ from service.analyses.controller_forms.printing import table
 from service.analyses.controller_forms.request import ControllerFormsRequest, FormsTask, HandOver
 from service.analyses.controller_forms.result import ControllerFormsResult
 from service.analysis import Analysis
+from service.effort import Effort, different_loops
 from service.printing import ROUNDED
 from service.schemas.encoding import encode
 from solver.hand_over.conversion import typed
@@ -135,6 +136,12 @@ def _forms(loop: Controller) -> dict[str, Any]:
     return {"cascade": encode(asdict(loop)), "ideal": ideal, "parallel": parallel, "reason": reason}
 
 
+def _effort(task: FormsTask) -> Effort | None:
+    if task.plant is None or task.uncertainty is None or task.performance is None:
+        return None
+    return different_loops(task.plant, task.loops, task.uncertainty, task.performance)
+
+
 ANALYSIS = Analysis(
     name="controller_forms",
     resource="controller-forms",
@@ -145,5 +152,6 @@ ANALYSIS = Analysis(
     compute=compute,
     computes_with=("solver.robustness.axis", "solver.stability.closed_loop"),
     table=table,
+    effort=_effort,
     immediate=lambda request: request.plant is None,
 )

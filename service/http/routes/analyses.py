@@ -9,14 +9,15 @@ from fastapi import APIRouter, Request, Response
 
 from service import registry
 from service.analysis import Analysis, Figures, compute
+from service.effort import refuse
 from service.http import bodies
 from service.http.routes.common import (
     BODY_PROBLEMS,
     FIGURES,
     Unit,
+    answer,
     computed,
     described,
-    json_response,
     problems,
 )
 from service.jobs.pool import to_json
@@ -33,11 +34,19 @@ def _add(analysis: Analysis[Any, Any]) -> None:
     async def post(request: Request) -> Response:
         body = await bodies.read(request, analysis.request)
         if analysis.immediate(body):
-            return json_response(
-                await asyncio.to_thread(to_json, compute, (analysis.compute, body), {})
+            found = await asyncio.to_thread(to_json, compute, (analysis.compute, body), {})
+            return answer(request, found)
+        # Bad input is refused here, not in the process that computes.
+        task = await asyncio.to_thread(body.build)
+        effort = None if analysis.effort is None else analysis.effort(task)
+        if effort is not None:
+            configuration = request.app.state.configuration
+            refuse(
+                effort,
+                seconds=configuration.analysis_time_limit,
+                memory=configuration.analysis_memory,
             )
-        body.build()  # bad input is refused here, not in the process that computes
-        return json_response(await computed(request, compute, analysis.compute, body))
+        return answer(request, await computed(request, compute, analysis.compute, body))
 
     router.add_api_route(
         analysis.path,
@@ -60,7 +69,7 @@ def add_figures(router: APIRouter, resource: str, figures: Figures[Any]) -> None
 
     async def post(request: Request, unit: Unit = TIME_UNIT) -> Response:
         body = await bodies.read(request, figures.drawn)
-        return json_response(await computed(request, figures.draw, body, unit))
+        return answer(request, await computed(request, figures.draw, body, unit))
 
     router.add_api_route(
         f"/v1/figures/{resource}",

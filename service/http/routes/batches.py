@@ -89,7 +89,11 @@ async def _jobs(request: Request) -> list[NewJob]:
         if len(jobs) >= configuration.max_batch_items:
             detail = f"a batch has at most {configuration.max_batch_items} tunings"
             raise RequestError((Fault("/tunings", detail),))
-        job, error = _job(text, f"/tunings/{len(jobs)}", configuration.max_time_limit, reuse=reuse)
+        pointer, longest = f"/tunings/{len(jobs)}", configuration.max_time_limit
+        if len(text) > bodies.SHORT:
+            job, error = await asyncio.to_thread(_job, text, pointer, longest, reuse=reuse)
+        else:
+            job, error = _job(text, pointer, longest, reuse=reuse)
         jobs.append(job)
         if error is not None:
             faults += error.faults
@@ -116,6 +120,9 @@ async def _texts(request: Request, others: dict[str, object]) -> AsyncIterator[b
         rest = b""
         async for chunk in stream:
             *lines, rest = (rest + chunk).split(b"\n")
+            if len(rest) > configuration.max_body_bytes:
+                detail = f"a line has at most {configuration.max_body_bytes} bytes"
+                raise RequestError((Fault("", detail),))
             for line in lines:
                 if line.strip():
                     yield line

@@ -3,22 +3,35 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable
 from typing import Annotated, Any, ParamSpec
 
 from fastapi import Query, Request, Response
+from fastapi.responses import StreamingResponse
 from pydantic import BaseModel
+from starlette.datastructures import State
 from starlette.requests import ClientDisconnect
 
 from service.http.access import owner
 from service.jobs.pool import Pool
-from service.problems import MEDIA_TYPE, Problem
+from service.problems import MEDIA_TYPE, Problem, UnavailableError
 from service.schemas.figures import FiguresResult
 
-__all__ = ["BODY_PROBLEMS", "FIGURES", "Unit", "computed", "described", "json_response", "problems"]
+__all__ = [
+    "BODY_PROBLEMS",
+    "FIGURES",
+    "Unit",
+    "answer",
+    "computed",
+    "described",
+    "json_response",
+    "problems",
+]
 
 
 _P = ParamSpec("_P")
+_PART = 65_536  # bytes of an answer that are compressed at once: a millisecond or two
+_ROOM = 200_000_000  # bytes of long answers that wait for their callers
 
 _REASONS = {
     400: "The body is not JSON.",
@@ -69,6 +82,36 @@ def json_response(
 ) -> Response:
     """Return a response with JSON text."""
     return Response(content, status, headers, media_type="application/json")
+
+
+def answer(request: Request, content: bytes) -> Response:
+    """Return a response with the JSON text of a computation, in parts where it is long.
+
+    A part is compressed and sent at a time, as fast as the caller takes it, and others are served
+    between two parts.
+
+    Raises
+    ------
+    UnavailableError
+        So many long ones are on their way already that there is no room for another one.
+
+    """
+    if len(content) <= _PART:
+        return json_response(content)
+    state = request.app.state
+    if state.on_their_way + len(content) > _ROOM:
+        message = "Other callers have not yet taken their long answers."
+        raise UnavailableError(message, {"Retry-After": "10"})
+    return StreamingResponse(_parts(state, content), media_type="application/json")
+
+
+async def _parts(state: State, content: bytes) -> AsyncIterator[bytes]:
+    state.on_their_way += len(content)
+    try:
+        for start in range(0, len(content), _PART):
+            yield content[start : start + _PART]
+    finally:
+        state.on_their_way -= len(content)
 
 
 async def computed(

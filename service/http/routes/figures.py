@@ -11,14 +11,7 @@ from fastapi.responses import HTMLResponse
 from service import drawing
 from service.analysis import Figures
 from service.http.routes.analyses import add_figures
-from service.http.routes.common import (
-    FIGURES,
-    Unit,
-    computed,
-    described,
-    json_response,
-    problems,
-)
+from service.http.routes.common import FIGURES, Unit, answer, computed, described, problems
 from service.http.routes.tunings import JobId, find_job
 from service.jobs.records import Job
 from service.problems import ConflictError
@@ -41,7 +34,7 @@ async def get_figures(request: Request, job_id: JobId, unit: Unit = TIME_UNIT) -
     """Return everything that the result of a tuning has to show."""
     job, result = await finished(request, job_id)
     drawn = await computed(request, drawing.tuning, job.request, result, unit)
-    return json_response(drawn)
+    return answer(request, drawn)
 
 
 @router.get(
@@ -57,7 +50,7 @@ async def get_sheet(request: Request, job_id: JobId, unit: Unit = TIME_UNIT) -> 
     """Return responses to set point and load with their measures, and what to know of them."""
     job, result = await finished(request, job_id)
     made = await computed(request, drawing.sheet, job.request, result, unit)
-    return json_response(made)
+    return answer(request, made)
 
 
 @router.get(

@@ -96,7 +96,9 @@ async def post_tuning(
     """
     configuration = request.app.state.configuration
     body = await bodies.read(request, TuningRequest)
-    new = new_job(body, configuration.max_time_limit, reuse=may_reuse(request))
+    new = await asyncio.to_thread(
+        new_job, body, configuration.max_time_limit, reuse=may_reuse(request)
+    )
     async with accepting():
         job = await asyncio.to_thread(_store(request).submit, owner(request), new, idempotency_key)
     request.app.state.dispatcher.wake()

@@ -1,8 +1,11 @@
 """The engine below the experiments: resolution, polynomials, breakpoints."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
+from solver.model.errors import InvalidInputError
 from solver.model.transfer_function import TransferFunction
 from solver.simulation.breakpoints import Breakpoints
 from solver.simulation.chebyshev import (
@@ -13,7 +16,9 @@ from solver.simulation.chebyshev import (
     first_root,
     roots,
 )
+from solver.simulation.delay_system import DelaySystem
 from solver.simulation.integrator import integrate
+from solver.simulation.propagator import Propagator
 from solver.simulation.switching import Event
 from solver.simulation.trajectory import Trajectory
 from solver.simulation.wiring import Term, Wiring
@@ -118,3 +123,19 @@ def test_samples_are_right_continuous() -> None:
     for start, value in ((0.0, 1.0), (1.0, 5.0)):
         trajectory.append(start, 1.0, np.full((NODES.size, 1), value))
     np.testing.assert_allclose(trajectory.sample(0, [0.0, 0.5, 1.0, 2.0]), [1, 1, 5, 5])
+
+
+def test_states_that_are_too_many_for_one_exponential_are_refused() -> None:
+    """Before it is computed: what it takes grows with the cube of the states that are coupled."""
+    states = 720
+    nothing = np.zeros((states, 0))
+    coupled = DelaySystem(
+        -np.ones((states, states)), np.ones((states, 1)), nothing, np.eye(states),
+        np.zeros((states, 1)), nothing, np.zeros(0, dtype=int), np.zeros(0),
+    )  # fmt: skip
+    with pytest.raises(InvalidInputError, match="720 states act on each other") as caught:
+        Propagator(coupled).states(1.0, np.zeros(states), np.ones(1), np.zeros((11, 0)))
+    assert caught.value.field == "/plant"
+    alone = dataclasses.replace(coupled, A=-np.eye(states))
+    moved = Propagator(alone).states(1.0, np.zeros(states), np.ones(1), np.zeros((11, 0)))
+    np.testing.assert_allclose(moved[-1], 1 - np.exp(-1.0), rtol=1e-14)
