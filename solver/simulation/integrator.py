@@ -195,7 +195,8 @@ class _Integrator:
         )
         while True:
             if sum(each.work for each in self.propagators.values()) > MAX_WORK:
-                return self._give_up()
+                self._require_a_step()
+                return None
             length = min(room, self.wanted)
             delayed = self._delayed(propagator.system, length)
             states = propagator.states(length, self.state, self.external, delayed)
@@ -218,8 +219,8 @@ class _Integrator:
             return values
         return self._switch(propagator, found, length, delayed, values)
 
-    def _give_up(self) -> None:
-        """End here, where there is something to show.
+    def _require_a_step(self) -> None:
+        """Have something to show.
 
         Raises
         ------
@@ -227,7 +228,7 @@ class _Integrator:
             Not even one step could be taken.
 
         """
-        if not len(self.trajectory):
+        if len(self.trajectory) == 0:
             message = "the plant and its loops have too many states, and rates too far apart"
             raise InvalidInputError(message, "/plant")
 
