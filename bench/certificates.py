@@ -17,8 +17,9 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from solver.certificate import Claim, verify
+from solver.certificate.record import Claim
 from solver.certificate.search import CertificateFailure, certify
+from solver.certificate.verify import verify
 from solver.model.blocks import group_loops
 from solver.model.controllers import Controller
 from solver.model.plants import MatrixPlant, first_order

@@ -6,7 +6,7 @@ import math
 from pathlib import Path
 
 from service.cli.outcomes import ExitCode, read_input, reported, say
-from solver.certificate import Verification, verify
+from solver.certificate.verify import Verification, verify
 
 __all__ = ["verify_file"]
 

@@ -66,8 +66,38 @@ class KnownController:
 
 _RESET = Names(gain="GAIN", integral="RESET", derivative="RATE", filter="ALPHA")
 _FIXED = "fixed at 0.1 RATE"
-_OUTSIDE = "none of its own: a first-order filter on the measurement takes its place"
 _ON_MEASUREMENT = "Set the filter on the measurement before the block, first order, as given."
+_SMOOTHING = "Set .NDF, no derivative smoothing: its time is not published."
+_STEPS = "The reference array takes them in steps that the manual names."
+
+
+def _unfiltered(  # noqa: PLR0917 - columns of a table
+    name: str,
+    title: str,
+    form: Form,
+    names: tuple[str, str, str],
+    time_unit: Literal["s", "min"],
+    equation: str,
+    source: str,
+    remark: str = "",
+) -> KnownController:
+    """Return a block without a filter of its own; `names` of gain, integral and derivative."""
+    gain, integral, derivative = names
+    return KnownController(
+        name=name,
+        title=title,
+        law=Law(
+            form=form,
+            filter=FilterEntry.MEASUREMENT,
+            names=Names(gain=gain, integral=integral, derivative=derivative, filter="filter"),
+        ),
+        time_unit=time_unit,
+        equation=equation,
+        filter_rule="none of its own: a first-order filter on the measurement takes its place",
+        source=source,
+        remark=f"{remark} {_ON_MEASUREMENT}".lstrip(),
+    )
+
 
 KNOWN: tuple[KnownController, ...] = (
     KnownController(
@@ -186,89 +216,63 @@ KNOWN: tuple[KnownController, ...] = (
         source="Rockwell Automation, publication 1766-RM001A-EN-P (2008), p. 330",
         remark="With bit RG set, steps are 0.01.",
     ),
-    KnownController(
-        name="rockwell_pide_dependent",
-        title="Rockwell Logix 5000, PIDE, dependent gains",
-        law=Law(
-            form=Form.IDEAL,
-            filter=FilterEntry.MEASUREMENT,
-            names=Names(gain="PGain", integral="IGain", derivative="DGain", filter="filter"),
-        ),
-        time_unit="min",
-        equation="PGain*(1 + 1/(IGain*s) + DGain*s)/(1 + filter*s)",
-        filter_rule=_OUTSIDE,
-        source=_PIDE,
-        remark=_ON_MEASUREMENT,
+    _unfiltered(
+        "rockwell_pide_dependent",
+        "Rockwell Logix 5000, PIDE, dependent gains",
+        Form.IDEAL,
+        ("PGain", "IGain", "DGain"),
+        "min",
+        "PGain*(1 + 1/(IGain*s) + DGain*s)/(1 + filter*s)",
+        _PIDE,
     ),
-    KnownController(
-        name="rockwell_pide_independent",
-        title="Rockwell Logix 5000, PIDE, independent gains",
-        law=Law(
-            form=Form.PARALLEL,
-            filter=FilterEntry.MEASUREMENT,
-            names=Names(gain="PGain", integral="IGain", derivative="DGain", filter="filter"),
-        ),
-        time_unit="min",
-        equation="(PGain + IGain/s + DGain*s)/(1 + filter*s)",
-        filter_rule=_OUTSIDE,
-        source=_PIDE,
-        remark=_ON_MEASUREMENT,
+    _unfiltered(
+        "rockwell_pide_independent",
+        "Rockwell Logix 5000, PIDE, independent gains",
+        Form.PARALLEL,
+        ("PGain", "IGain", "DGain"),
+        "min",
+        "(PGain + IGain/s + DGain*s)/(1 + filter*s)",
+        _PIDE,
     ),
-    KnownController(
-        name="rockwell_pid_dependent",
-        title="Rockwell Logix 5000, PID, dependent gains",
-        law=Law(
-            form=Form.IDEAL,
-            filter=FilterEntry.MEASUREMENT,
-            names=Names(gain="Kp", integral="Ki", derivative="Kd", filter="filter"),
-        ),
-        time_unit="min",
-        equation="Kp*(1 + 1/(Ki*s) + Kd*s)/(1 + filter*s)",
-        filter_rule=_OUTSIDE,
-        source=_PID,
-        remark=f"Set .NDF, no derivative smoothing: its time is not published. {_ON_MEASUREMENT}",
+    _unfiltered(
+        "rockwell_pid_dependent",
+        "Rockwell Logix 5000, PID, dependent gains",
+        Form.IDEAL,
+        ("Kp", "Ki", "Kd"),
+        "min",
+        "Kp*(1 + 1/(Ki*s) + Kd*s)/(1 + filter*s)",
+        _PID,
+        _SMOOTHING,
     ),
-    KnownController(
-        name="rockwell_pid_independent",
-        title="Rockwell Logix 5000, PID, independent gains",
-        law=Law(
-            form=Form.PARALLEL,
-            filter=FilterEntry.MEASUREMENT,
-            names=Names(gain="Kp", integral="Ki", derivative="Kd", filter="filter"),
-        ),
-        time_unit="s",
-        equation="(Kp + Ki/s + Kd*s)/(1 + filter*s)",
-        filter_rule=_OUTSIDE,
-        source=_PID,
-        remark=f"Set .NDF, no derivative smoothing: its time is not published. {_ON_MEASUREMENT}",
+    _unfiltered(
+        "rockwell_pid_independent",
+        "Rockwell Logix 5000, PID, independent gains",
+        Form.PARALLEL,
+        ("Kp", "Ki", "Kd"),
+        "s",
+        "(Kp + Ki/s + Kd*s)/(1 + filter*s)",
+        _PID,
+        _SMOOTHING,
     ),
-    KnownController(
-        name="ge_pid_isa",
-        title="GE PACSystems, PID_ISA",
-        law=Law(
-            form=Form.IDEAL,
-            filter=FilterEntry.MEASUREMENT,
-            names=Names(gain="Kc", integral="Ti", derivative="Td", filter="filter"),
-        ),
-        time_unit="s",
-        equation="Kc*(1 + 1/(Ti*s) + Td*s)/(1 + filter*s)",
-        filter_rule=_OUTSIDE,
-        source=_GE,
-        remark=f"The reference array takes them in steps that the manual names. {_ON_MEASUREMENT}",
+    _unfiltered(
+        "ge_pid_isa",
+        "GE PACSystems, PID_ISA",
+        Form.IDEAL,
+        ("Kc", "Ti", "Td"),
+        "s",
+        "Kc*(1 + 1/(Ti*s) + Td*s)/(1 + filter*s)",
+        _GE,
+        _STEPS,
     ),
-    KnownController(
-        name="ge_pid_ind",
-        title="GE PACSystems, PID_IND",
-        law=Law(
-            form=Form.PARALLEL,
-            filter=FilterEntry.MEASUREMENT,
-            names=Names(gain="Kp", integral="Ki", derivative="Kd", filter="filter"),
-        ),
-        time_unit="s",
-        equation="(Kp + Ki/s + Kd*s)/(1 + filter*s)",
-        filter_rule=_OUTSIDE,
-        source=_GE,
-        remark=f"The reference array takes them in steps that the manual names. {_ON_MEASUREMENT}",
+    _unfiltered(
+        "ge_pid_ind",
+        "GE PACSystems, PID_IND",
+        Form.PARALLEL,
+        ("Kp", "Ki", "Kd"),
+        "s",
+        "(Kp + Ki/s + Kd*s)/(1 + filter*s)",
+        _GE,
+        _STEPS,
     ),
     KnownController(
         name="beckhoff_basic_pid",

@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from solver.model.errors import InvalidInputError
-from solver.model.physical_models import StreamSplit, settle_physical, settled_units
+from solver.model.physical_models import LARGEST, Equipment, StreamSplit
 from solver.model.plants import ParallelPlant
 from solver.model.transfer_function import TransferFunction
-from solver.model.validation import settle, settle_reals
+from solver.model.validation import settle_reals
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -25,11 +25,8 @@ if TYPE_CHECKING:
 __all__ = ["BurnerPasses", "ParallelCompressors", "ParallelExchangers"]
 
 
-LARGEST = 1e12
-
-
 @dataclass(frozen=True)
-class ParallelExchangers:
+class ParallelExchangers(Equipment):
     """n equal heat exchangers whose heating medium comes from one header of finite pressure.
 
     Each exchanger heats its own stream; its valve sets the medium's flow m, which the header's
@@ -86,23 +83,19 @@ class ParallelExchangers:
     valve_time: float = 0.0
     dead_time: float = 0.0
 
+    POSITIVE = (
+        "holdup_heat",
+        "stream_heat",
+        "medium_flow",
+        "medium_heat_capacity",
+        "exchange",
+        "opening",
+        "pressure_drop",
+    )
+    NOT_NEGATIVE = ("supply_resistance", "header_time", "valve_time", "dead_time")
+
     def __post_init__(self) -> None:
-        settle(self, n=settled_units(self.n))
-        settle_physical(
-            self,
-            positive=(
-                "holdup_heat",
-                "stream_heat",
-                "medium_flow",
-                "medium_heat_capacity",
-                "exchange",
-                "opening",
-                "pressure_drop",
-            ),
-        )
-        settle_physical(
-            self, not_negative=("supply_resistance", "header_time", "valve_time", "dead_time")
-        )
+        super().__post_init__()
         settle_reals(self, "temperature_difference")
         if not 0 < abs(self.temperature_difference) <= LARGEST:
             message = "must not be zero, and at most 1e12 in magnitude"
@@ -147,7 +140,7 @@ class ParallelExchangers:
 
 
 @dataclass(frozen=True)
-class ParallelCompressors:
+class ParallelCompressors(Equipment):
     """n equal compressors that deliver into one header, each with a flow controller on its speed.
 
     A compressor's head falls by r per flow and rises by b per speed; its gas has the inertia L; the
@@ -192,19 +185,8 @@ class ParallelCompressors:
     drive_time: float = 0.0
     dead_time: float = 0.0
 
-    def __post_init__(self) -> None:
-        settle(self, n=settled_units(self.n))
-        settle_physical(self, positive=("head_per_speed", "head_per_flow"))
-        settle_physical(
-            self,
-            not_negative=(
-                "inertia",
-                "consumer_resistance",
-                "header_time",
-                "drive_time",
-                "dead_time",
-            ),
-        )
+    POSITIVE = ("head_per_speed", "head_per_flow")
+    NOT_NEGATIVE = ("inertia", "consumer_resistance", "header_time", "drive_time", "dead_time")
 
     @property
     def interaction_limits(self) -> tuple[float, float]:
@@ -236,7 +218,7 @@ class ParallelCompressors:
 
 
 @dataclass(frozen=True)
-class BurnerPasses:
+class BurnerPasses(Equipment):
     """n equal passes of a furnace, each with a burner of its own, in one firebox.
 
     Of a burner's heat the part m is shared by all passes alike through firebox and walls, which
@@ -279,10 +261,11 @@ class BurnerPasses:
     fuel_time: float = 0.0
     dead_time: float = 0.0
 
+    POSITIVE = ("holdup_heat", "stream_heat", "fuel_heat")
+    NOT_NEGATIVE = ("shared", "firebox_time", "fuel_time", "dead_time")
+
     def __post_init__(self) -> None:
-        settle(self, n=settled_units(self.n))
-        settle_physical(self, positive=("holdup_heat", "stream_heat", "fuel_heat"))
-        settle_physical(self, not_negative=("shared", "firebox_time", "fuel_time", "dead_time"))
+        super().__post_init__()
         if not self.shared < 1:
             message = "passes that share all heat cannot be controlled one by one: below 1"
             raise InvalidInputError(message, "/shared")

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-__all__ = ["Peak", "highest", "local_peaks", "slices", "zoom"]
+__all__ = ["Peak", "highest", "local_peaks", "slices", "tops", "zoom"]
 
 SECTIONS = 32  # of a bracket; each round keeps two of them
 WITHIN = 0.1  # of the greatest value: lower maxima are not refined
@@ -65,13 +65,18 @@ def local_peaks(
     )  # fmt: skip
 
 
+def tops(values: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Whether a sample is a local maximum of its curve (..., k); the last one of equals is."""
+    ends = np.full((*values.shape[:-1], 1), -np.inf)
+    padded = np.concatenate([ends, values, ends], axis=-1)
+    return np.asarray((values >= padded[..., :-2]) & (values > padded[..., 2:]))
+
+
 def _brackets(
     omega: NDArray[np.float64], values: NDArray[np.float64], within: float
 ) -> tuple[NDArray[np.float64], ...]:
     """Brackets (log low, log high) of the local maxima of a curve, and omega and value there."""
-    padded = np.concatenate([[-np.inf], values, [-np.inf]])
-    top = (padded[1:-1] >= padded[:-2]) & (padded[1:-1] > padded[2:])
-    found = np.flatnonzero(top & (values >= values.max() - within))
+    found = np.flatnonzero(tops(values) & (values >= values.max() - within))
     low = np.log(omega[np.maximum(found - 1, 0)])
     high = np.log(omega[np.minimum(found + 1, omega.size - 1)])
     return low, high, omega[found], values[found]

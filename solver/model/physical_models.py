@@ -8,17 +8,46 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 from solver.model.errors import InvalidInputError
 from solver.model.plants import MAX_UNITS, MatrixPlant, ParallelPlant, first_order
 from solver.model.transfer_function import TransferFunction
 from solver.model.validation import integer, real, settle
 
-__all__ = ["Blender", "CooledReactors", "StreamSplit", "settle_physical", "settled_units"]
+__all__ = ["LARGEST", "Blender", "CooledReactors", "Equipment", "StreamSplit"]
+
+LARGEST = 1e12  # of any physical parameter, in the user's units
+
+
+class Equipment:
+    """A model of equipment by numbers: a record of real fields, and of `n` units where it has any.
+
+    `POSITIVE` and `NOT_NEGATIVE` name its fields with such a range; a subclass with further
+    conditions checks them after these.
+    """
+
+    POSITIVE: ClassVar[tuple[str, ...]] = ()
+    NOT_NEGATIVE: ClassVar[tuple[str, ...]] = ()
+
+    def __post_init__(self) -> None:
+        if hasattr(self, "n"):
+            settle(self, n=integer(self.n, "/n"))
+            if not 1 <= self.n <= MAX_UNITS:
+                message = f"the number of units must lie in 1..{MAX_UNITS}"
+                raise InvalidInputError(message, "/n")
+        for name in (*self.POSITIVE, *self.NOT_NEGATIVE):
+            value = real(getattr(self, name), f"/{name}")
+            settle(self, **{name: value})
+            positive = name in self.POSITIVE
+            if not (value > 0 if positive else value >= 0) or not value <= LARGEST:
+                bound = "positive" if positive else "zero or positive"
+                message = f"must be {bound} and at most 1e12"
+                raise InvalidInputError(message, f"/{name}")
 
 
 @dataclass(frozen=True)
-class StreamSplit:
+class StreamSplit(Equipment):
     """n equal streams from one header of finite pressure (SLH, example 1 and fig. 1).
 
     A valve at opening x passes q = c x sqrt(p - p_out); the supply gives less flow at a higher
@@ -63,12 +92,8 @@ class StreamSplit:
     valve_time: float = 0.0
     dead_time: float = 0.0
 
-    def __post_init__(self) -> None:
-        settle(self, n=settled_units(self.n))
-        settle_physical(self, positive=("flow", "opening", "pressure_drop"))
-        settle_physical(
-            self, not_negative=("supply_resistance", "header_time", "valve_time", "dead_time")
-        )
+    POSITIVE = ("flow", "opening", "pressure_drop")
+    NOT_NEGATIVE = ("supply_resistance", "header_time", "valve_time", "dead_time")
 
     @property
     def valve_gain(self) -> float:
@@ -105,7 +130,7 @@ class StreamSplit:
 
 
 @dataclass(frozen=True)
-class CooledReactors:
+class CooledReactors(Equipment):
     """n equal stirred reactors whose vaporised coolant precools the common feed (SLH, example 2).
 
     Coolant m_j evaporates completely in reactor j; the vapour of all reactors is then
@@ -164,23 +189,8 @@ class CooledReactors:
     feed_superheat: float
     coupling: float = 0.0
 
-    def __post_init__(self) -> None:
-        settle(self, n=settled_units(self.n))
-        settle_physical(
-            self,
-            positive=(
-                "holdup",
-                "feed",
-                "heat_capacity",
-                "coolant",
-                "opening",
-                "vapour_heat_capacity",
-            ),
-        )
-        settle_physical(
-            self,
-            not_negative=("evaporation_heat", "exchanger", "feed_superheat", "coupling"),
-        )
+    POSITIVE = ("holdup", "feed", "heat_capacity", "coolant", "opening", "vapour_heat_capacity")
+    NOT_NEGATIVE = ("evaporation_heat", "exchanger", "feed_superheat", "coupling")
 
     @property
     def precooling(self) -> float:
@@ -210,7 +220,7 @@ class CooledReactors:
 
 
 @dataclass(frozen=True)
-class Blender:
+class Blender(Equipment):
     """Two streams W1, W2 with mass fractions x1, x2 blended (Smith and Corripio, fig. 9-1.5).
 
     Total flow W = W1 + W2 and W x = W1 x1 + W2 x2, so dW = dW1 + dW2 and
@@ -239,9 +249,11 @@ class Blender:
     analyser_time: float = 0.0
     analyser_dead_time: float = 0.0
 
+    POSITIVE = ("first_flow", "second_flow")
+    NOT_NEGATIVE = ("flow_time", "analyser_time", "analyser_dead_time")
+
     def __post_init__(self) -> None:
-        settle_physical(self, positive=("first_flow", "second_flow"))
-        settle_physical(self, not_negative=("flow_time", "analyser_time", "analyser_dead_time"))
+        super().__post_init__()
         for name in ("first_fraction", "second_fraction"):
             settle(self, **{name: real(getattr(self, name), f"/{name}")})
             if not 0 <= getattr(self, name) <= 1:
@@ -286,27 +298,3 @@ def _product(first: list[float], second: list[float]) -> list[float]:
         for j, b in enumerate(second):
             result[i + j] += a * b
     return result
-
-
-def settled_units(n: int) -> int:
-    """Return a number of units that a plant may have."""
-    count = integer(n, "/n")
-    if not 1 <= count <= MAX_UNITS:
-        message = f"the number of units must lie in 1..{MAX_UNITS}"
-        raise InvalidInputError(message, "/n")
-    return count
-
-
-def settle_physical(
-    model: object,
-    positive: tuple[str, ...] = (),
-    not_negative: tuple[str, ...] = (),
-) -> None:
-    """Take the fields of a model of equipment: real, in range."""
-    for name in (*positive, *not_negative):
-        value = real(getattr(model, name), f"/{name}")
-        settle(model, **{name: value})
-        if not (value > 0 if name in positive else value >= 0) or not value <= 1e12:
-            bound = "positive" if name in positive else "zero or positive"
-            message = f"must be {bound} and at most 1e12"
-            raise InvalidInputError(message, f"/{name}")

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from solver.certificate import Certificate
+    from solver.certificate.record import Certificate
     from solver.model.controllers import Controller
     from solver.model.plants import Plant
     from solver.model.weights import Performance, Uncertainty

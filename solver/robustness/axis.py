@@ -21,7 +21,7 @@ from solver.certificate.record import Claim
 from solver.certificate.reduction import MAX_SETTINGS, settings_of
 from solver.model.blocks import group_loops
 from solver.model.errors import InvalidInputError
-from solver.model.peaks import Peak, zoom
+from solver.model.peaks import Peak, tops, zoom
 from solver.robustness.curves import LoopAnalysis
 from solver.robustness.enclosed_forms import NOMINAL, ROBUST, STABILITY, TURN
 from solver.robustness.march import march
@@ -357,17 +357,17 @@ class _CurveSearch:
         if values.size and values.max() > self.peak.value:
             self._refine(np.array([int(np.argmax(self.values))]))
 
-    def _refine(self, tops: NDArray[np.intp]) -> None:
+    def _refine(self, samples: NDArray[np.intp]) -> None:
         """Zoom in on the samples with these indices; the peak rises with what is found."""
-        low = np.log(self.omega[np.maximum(tops - 1, 0)])
-        high = np.log(self.omega[np.minimum(tops + 1, self.omega.size - 1)])
+        low = np.log(self.omega[np.maximum(samples - 1, 0)])
+        high = np.log(self.omega[np.minimum(samples + 1, self.omega.size - 1)])
 
         def curve(_: NDArray[np.intp], points: NDArray[np.float64]) -> NDArray[np.float64]:
             values = self.analysis.level(self.curve, points.ravel())[0]
             return np.where(np.isfinite(values), values, 0.0).reshape(points.shape)
 
         omega, values = zoom(
-            curve, low, high, self.omega[tops], self.values[tops],
+            curve, low, high, self.omega[samples], self.values[samples],
             sections=SECTIONS, rounds=ROUNDS,
         )  # fmt: skip
         best = int(np.argmax(values))
@@ -376,8 +376,7 @@ class _CurveSearch:
 
     def _polish(self) -> None:
         """Refine the maxima that may be the highest: the bracket says no more than 1e-4."""
-        padded = np.concatenate([[-np.inf], self.values, [-np.inf]])
-        top = (padded[1:-1] >= padded[:-2]) & (padded[1:-1] > padded[2:])
-        tops = np.flatnonzero(top & (self.values >= (1 - NEAR) * self.peak.value))
-        if tops.size:
-            self._refine(tops[np.argsort(-self.values[tops])][:MAX_POLISHED])
+        near = self.values >= (1 - NEAR) * self.peak.value
+        highest = np.flatnonzero(tops(self.values) & near)
+        if highest.size:
+            self._refine(highest[np.argsort(-self.values[highest])][:MAX_POLISHED])

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from solver.certificate import Certificate
+    from solver.certificate.record import Certificate
     from solver.model.peaks import Peak
     from solver.robustness.bandwidth import Bandwidths
     from solver.robustness.margins import LoopMargins

@@ -9,7 +9,7 @@ import numpy as np
 
 from solver.model.blocks import reduce
 from solver.model.memory import batch_length
-from solver.model.peaks import Peak, zoom
+from solver.model.peaks import Peak, tops, zoom
 from solver.mu.kernel import FINE
 from solver.mu.scaling import sweep
 from solver.robustness.block_bounds import greatest_bound, interconnections
@@ -138,10 +138,8 @@ class _Family:
         """
         tasks = np.arange(2 * members.size)
         values = self._levels(members, tasks, np.tile(omega, (tasks.size, 1)))
-        padded = np.pad(values, ((0, 0), (1, 1)), constant_values=-np.inf)
-        top = (values >= padded[:, :-2]) & (values > padded[:, 2:])
         near = values >= (1 - WITHIN) * values.max(axis=1, keepdims=True)
-        owner, found = np.nonzero(top & near)
+        owner, found = np.nonzero(tops(values) & near)
         low = np.log(omega[np.maximum(found - 1, 0)])
         high = np.log(omega[np.minimum(found + 1, omega.size - 1)])
         best, best_value = zoom(

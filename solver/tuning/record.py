@@ -7,7 +7,7 @@ from enum import StrEnum
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from solver.certificate import Certificate
+    from solver.certificate.record import Certificate
     from solver.model.controllers import Controller
     from solver.optimality.record import Optimality
     from solver.robustness.record import Curves, Guarantee, Peaks

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from solver.certificate import Certificate
+    from solver.certificate.record import Certificate
     from solver.model.controllers import Controller
     from solver.optimality.record import Optimality
     from solver.tuning.clock import Clock

@@ -20,8 +20,9 @@ from zoo import COLUMN
 from service.cli.tuning import tune_file
 from service.report.document import report_html
 from service.tuned import RequestedTuning
-from solver.certificate import read_certificate, verify
+from solver.certificate.reading import read_certificate
 from solver.certificate.search import prove
+from solver.certificate.verify import verify
 from solver.model.controllers import Controller
 from solver.model.weights import Performance, Uncertainty
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from zoo import interactions
 
-from solver.certificate import Certificate, Claim
+from solver.certificate.record import Certificate, Claim
 from solver.model.blocks import group_loops
 from solver.model.controllers import Controller
 from solver.model.plants import MatrixPlant, ParallelPlant, Plant, first_order

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from certified_loops import published
 
-from solver.certificate import Certificate
+from solver.certificate.record import Certificate
 from solver.certificate.search import certify
 
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from zoo import interactions
 
-from solver.certificate import Certificate, Claim
+from solver.certificate.record import Certificate, Claim
 from solver.certificate.search import CertificateFailure, Obstacle, certify
 from solver.model.controllers import Controller
 from solver.model.plants import MatrixPlant, ParallelPlant, first_order

@@ -18,8 +18,9 @@ from certified_loops import (
 from hypothesis import HealthCheck, assume, given, settings
 from zoo import ZOO, Case
 
-from solver.certificate import Certificate, Claim, check
+from solver.certificate.record import Certificate, Claim
 from solver.certificate.search import CertificateFailure, Obstacle, certify
+from solver.certificate.verify import check
 from solver.model.controllers import Controller
 from solver.model.errors import Cancelled, InvalidInputError, UnsupportedPlantError
 from solver.model.plants import MatrixPlant, ParallelPlant, Plant, first_order

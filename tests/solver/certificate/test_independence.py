@@ -12,11 +12,11 @@ from pathlib import Path
 from typer.testing import CliRunner
 
 from service.cli.commands import app
-from solver.certificate import Certificate
+from solver.certificate.record import Certificate
 
 CHECK = """
 import sys
-from solver.certificate import verify
+from solver.certificate.verify import verify
 outcome = verify(sys.stdin.buffer.read())
 ours = {
     "solver", "solver.model", "solver.certificate",

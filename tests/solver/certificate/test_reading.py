@@ -12,7 +12,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from solver.certificate import Certificate, Verdict, read_certificate, verify
+from solver.certificate.reading import read_certificate
+from solver.certificate.record import Certificate
+from solver.certificate.verify import Verdict, verify
 
 
 def fault_of(text: str | bytes) -> tuple[str, str]:

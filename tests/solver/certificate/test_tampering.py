@@ -15,8 +15,9 @@ from certified_loops import PUBLISHED_PEAK, level_at, peak_of
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
-from solver.certificate import Certificate, Claim, ProvenInterval, Verdict, check, verify
 from solver.certificate.enclosures import Interval
+from solver.certificate.record import Certificate, Claim, ProvenInterval
+from solver.certificate.verify import Verdict, check, verify
 from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError
 from solver.model.transfer_function import TransferFunction

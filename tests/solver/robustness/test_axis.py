@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from solver.certificate import Certificate, Claim, check
+from solver.certificate.record import Certificate, Claim
 from solver.certificate.search import certify
+from solver.certificate.verify import check
 from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError
 from solver.model.plants import MatrixPlant, ParallelPlant, first_order

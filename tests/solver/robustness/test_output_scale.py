@@ -7,9 +7,9 @@ import json
 import numpy as np
 import pytest
 
-from solver.certificate import verify
 from solver.certificate.record import Claim
 from solver.certificate.search import certify
+from solver.certificate.verify import verify
 from solver.limits.multivariable import multivariable_limit
 from solver.model.blocks import group_loops
 from solver.model.controllers import Controller

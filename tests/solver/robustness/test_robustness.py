@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from zoo import COLUMN, SLH, USUAL, ZOO
 
-from solver.certificate import Verdict, check
+from solver.certificate.verify import Verdict, check
 from solver.model.blocks import group_loops
 from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from zoo import COLUMN, SLH, USUAL
 
-from solver.certificate import Verdict, check
+from solver.certificate.verify import Verdict, check
 from solver.model.blocks import group_loops
 from solver.model.errors import Cancelled, InvalidInputError, UnsupportedPlantError
 from solver.model.plants import ParallelPlant, first_order
