@@ -13,8 +13,10 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Circle, FancyBboxPatch
 
 import mutune
+from service.analyses.controller_forms import ANALYSIS as CONTROLLER_FORMS
 from service.analyses.step_response import ANALYSIS as STEP_RESPONSE
 from service.schemas.parsing import parse
 
@@ -27,7 +29,7 @@ OWN, OTHER, MARK = "#00796b", "#c2185b", "#555555"
 def main() -> None:
     """Write all pictures."""
     with mpl.rc_context(STYLE):
-        for draw in (step_test, responses, weight):
+        for draw in (header, faceplate, step_test, responses, weight):
             figure = draw()
             path = IMAGES / f"{draw.__name__}.svg"
             figure.savefig(path, metadata={"Date": None}, bbox_inches="tight")
@@ -49,6 +51,81 @@ def tidy(axes: Axes, title: str, x: str, y: str) -> None:
     axes.set(title=title, xlabel=x, ylabel=y)
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(alpha=0.25)
+
+
+def header() -> Figure:
+    """Draw like units on one header: what each valve does to its own output and to the others."""
+    units = 4
+    figure = Figure(figsize=(7.2, 3.6))
+    axes = figure.subplots()
+    axes.plot([0.2, 2 * units + 0.3], [3.4, 3.4], color=OWN, linewidth=6, solid_capstyle="round")
+    axes.text(0.2, 3.62, "one steam header", color=OWN)
+    for unit in range(units):
+        x = 1 + 2 * unit
+        axes.plot([x, x], [2.3, 3.4], color=OWN, linewidth=3)
+        box = FancyBboxPatch(
+            (x - 0.6, 1.3), 1.2, 1.0, boxstyle="round,pad=0.02", facecolor="white", edgecolor=MARK
+        )
+        axes.add_patch(box)
+        axes.text(x, 1.8, f"boiler {unit + 1}", ha="center", va="center")
+        axes.plot([x, x], [0.5, 1.3], color=MARK)
+        axes.plot([x - 0.15, x + 0.15, x - 0.15, x + 0.15, x - 0.15], [0.6, 0.9, 0.9, 0.6, 0.6],
+                  color=MARK)  # fmt: skip
+        axes.text(x + 0.25, 0.75, f"valve {unit + 1}", va="center", fontsize=9)
+        axes.add_patch(Circle((x + 0.62, 2.75), 0.27, facecolor="white", edgecolor=MARK))
+        axes.text(x + 0.62, 2.75, f"PIC\n{101 + unit}", ha="center", va="center", fontsize=7)
+    strong = {"arrowstyle": "-|>", "color": OWN, "linewidth": 2.5, "connectionstyle": "arc3,rad=0"}
+    axes.annotate("", (0.55, 2.9), (0.55, 1.0), arrowprops=strong)
+    axes.text(0.45, 0.25, "own output: gain $k$", color=OWN, ha="left")
+    for unit in range(1, units):
+        weak = {"arrowstyle": "-|>", "color": OTHER, "linewidth": 1, "linestyle": "--",
+                "connectionstyle": "arc3,rad=-0.12"}  # fmt: skip
+        axes.annotate("", (0.75 + 2 * unit, 2.55), (1.15, 0.45), arrowprops=weak)
+    axes.text(4.2, 0.25, "every neighbour: interaction $a$ times $k$", color=OTHER)
+    axes.set(xlim=(0, 2 * units + 0.6), ylim=(0, 4))
+    axes.axis("off")
+    return figure
+
+
+def faceplate() -> Figure:
+    """Draw settings as mutune prints them, and as the screen of a controller shows them."""
+    instrument = {"tag": "PIC-101", "output_unit": "bar", "output_span": 60, "input_unit": "%"}
+    request = {
+        "loops": example("controller_forms_boilers.json")["loops"],
+        "time_unit": "min",
+        "instruments": [instrument | {"input_span": 100}],
+        "target": {"form": "ideal", "gain": "proportional_band", "integral": "time",
+                   "time_unit": "s", "filter": "ratio", "digits": 3},
+    }  # fmt: skip
+    computed = CONTROLLER_FORMS.compute(parse(CONTROLLER_FORMS.request, json.dumps(request)))
+    typed = computed["hand_over"]["loops"][0]
+    loop = request["loops"][0]
+    figure = Figure(figsize=(7.2, 3.0))
+    axes = figure.subplots()
+    axes.text(0, 2.75, "mutune prints", color=OWN)
+    printed = (
+        f"gain  {loop['gain']:g} %/bar",
+        f"integral time  {loop['integral_time']:g} min",
+        "positive plant gain",
+    )
+    screen = [(f"{each['name']}", f"{each['value']:g} {each['unit']}") for each in typed["values"]]
+    screen.append(("Action", typed["action"].capitalize()))
+    why = ("100 / (gain x 60 bar / 100 %)", "times 60 s/min", "too high: valve must close")
+    frame = FancyBboxPatch(
+        (4.6, 0.25), 3.2, 2.7, boxstyle="round,pad=0.1", facecolor="#263238", edgecolor=MARK
+    )
+    axes.add_patch(frame)
+    axes.text(4.75, 2.7, typed["tag"], color="white", weight="bold")
+    for row, (left, (name, value), reason) in enumerate(zip(printed, screen, why, strict=True)):
+        y = 2.05 - 0.75 * row
+        axes.text(0, y, left, va="center")
+        axes.annotate("", (4.4, y), (2.3, y), arrowprops={"arrowstyle": "->", "color": MARK})
+        axes.text(3.3, y + 0.16, reason, ha="center", fontsize=7.5, color=MARK)
+        axes.text(4.75, y, name, color="#b0bec5", va="center")
+        axes.text(7.7, y, value, color="#a5d6a7", va="center", ha="right", family="monospace")
+    axes.set(xlim=(0, 8), ylim=(0, 3.1))
+    axes.axis("off")
+    return figure
 
 
 def step_test() -> Figure:
