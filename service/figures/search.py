@@ -24,9 +24,11 @@ def landscape(tuned: RequestedTuning) -> go.Figure:
     """Return the local optima: value and how often each was found, and where its settings lie."""
     optima = tuned.result.search.local_optima[:_SHOWN]
     found = len(tuned.result.search.local_optima)
+    ended = sum(optimum.count for optimum in tuned.result.search.local_optima)
     panels = Panels(
         "Landscape: the local optima of the search",
-        f"{tuned.result.search.starts} starts ended in {found} different local optima"
+        f"Of {tuned.result.search.starts} starts {ended} ended in {found} different local optima, "
+        "the others were given up as worse"
         + (f", the best {_SHOWN} of which are shown" if found > _SHOWN else "")
         + ". Above: their values, and how many starts ended there. Below: the settings of each; "
         "lines join the loops of one optimum.",
@@ -39,7 +41,7 @@ def landscape(tuned: RequestedTuning) -> go.Figure:
     panels.curve(
         range(1, len(optima) + 1), [optimum.value for optimum in optima], "local optima", {},
         mode="markers+text", showlegend=False, cliponaxis=False,
-        text=[f"{count} start{'s' * (count != 1)}" for count in counts],
+        text=[_starts(count) for count in counts],
         textposition="top center",
         marker={
             "color": colours,
@@ -64,6 +66,11 @@ def landscape(tuned: RequestedTuning) -> go.Figure:
     return panels.figure()
 
 
+def _starts(count: int) -> str:
+    """Return how many starts ended in an optimum; none of its own where another led there."""
+    return f"{count} start{'s' * (count != 1)}" if count else "from another"
+
+
 def _settings(index: int, optimum: Optimum, colour: str) -> dict[str, Any]:
     loops, best = optimum.loops, index == 0
     return {
@@ -80,7 +87,7 @@ def _settings(index: int, optimum: Optimum, colour: str) -> dict[str, Any]:
         },
         "customdata": [loop.units for loop in loops],
         "hovertemplate": f"optimum {index + 1} ({number(optimum.value)})<br>"
-        "k = %{x:.5g}, τ<sub>I</sub> = %{y:.5g}, %{customdata} unit(s)<extra></extra>",
+        "k = %{x:.5g}, τ<sub>I</sub> = %{y:.5g}, %{customdata} loop(s)<extra></extra>",
     }  # fmt: skip
 
 

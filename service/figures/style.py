@@ -159,6 +159,11 @@ def template(theme: Theme) -> go.layout.Template:
             },
             "modebar": {"bgcolor": _TRANSPARENT, "color": axis, "activecolor": text},
             "hovermode": "x unified",
-            "hoverlabel": {"bgcolor": box, "bordercolor": axis, "font": {"color": text}},
+            "hoverlabel": {
+                "bgcolor": box,
+                "bordercolor": axis,
+                "font": {"color": text},
+                "namelength": -1,
+            },
         }
     )

@@ -30,6 +30,7 @@ from service.http.routes import (
     figures,
     health,
     page,
+    tables,
     tunings,
 )
 from service.http.routes.common import problems
@@ -67,7 +68,7 @@ _TAGS = [
 ]
 
 # Resources that need an API key, where the service has keys, and those that never do.
-_FOR_CALLERS = (tunings, batches, batch_results, analyses, figures)
+_FOR_CALLERS = (tunings, batches, batch_results, analyses, figures, tables)
 _FOR_EVERYBODY = (controllers, examples, health, page)
 
 

@@ -19,6 +19,7 @@ _PAGE = """<!doctype html>
 <link rel="stylesheet" href="/docs/assets/swagger-ui.css">
 </head>
 <body>
+<p style="font: 600 16px system-ui, sans-serif; margin: 1rem 1.5rem"><a href="/">← mutune</a></p>
 <div id="swagger-ui"></div>
 <script src="/docs/assets/swagger-ui-bundle.js"></script>
 <script src="/docs/start.js"></script>

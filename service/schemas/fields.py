@@ -2,7 +2,8 @@
 
 Every numeric field names its unit in the schema extension ``x-unit``: ``time`` is the caller's
 unit of time, ``rad/time`` its angular frequency, ``gain`` is output units over input units,
-``1`` a pure number and ``s`` seconds of computing; any other text is itself the unit.
+``1`` a pure number and ``s`` seconds of computing; any other text is itself the unit. ``x-index``
+marks a number of a loop or unit, from 0 here and from 1 for people.
 """
 
 from __future__ import annotations

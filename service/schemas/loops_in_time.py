@@ -14,7 +14,9 @@ from solver.model.transfer_function import LARGEST
 
 __all__ = ["InputLimits", "SimulatedLoop", "Size", "TimeStep", "Unit"]
 
-Unit = Annotated[int, Field(ge=0, lt=MAX_UNITS, json_schema_extra={"x-unit": "1"}), WHOLE]
+Unit = Annotated[
+    int, Field(ge=0, lt=MAX_UNITS, json_schema_extra={"x-unit": "1", "x-index": True}), WHOLE
+]
 Weight = Annotated[float, Field(ge=0, le=1, json_schema_extra={"x-unit": "1"})]
 Size = Annotated[
     float, Field(ge=-LARGEST, le=LARGEST, json_schema_extra={"x-unit": "of the signal"})

@@ -1,9 +1,9 @@
 /** Fields of fields: records, unions, optional parts, lists and matrices. */
 
 import { button, h, help, put, scroller } from "./dom.js";
-import { key, newId, segments } from "./fields.js";
+import { key, segments } from "./fields.js";
 import { label, option } from "./format.js";
-import { faults, initial, resolve, variantOf } from "./schema.js";
+import { faults, initial, variantOf } from "./schema.js";
 import { transferFunction } from "./symbols.js";
 
 /** Parts that most people leave as they are. */
@@ -114,32 +114,6 @@ export function rows(form, s, value, pointer) {
   const node = h("fieldset", { class: "part card" }, h("legend", {}, name));
   form.place(pointer, node, s, []);
   node.append(list, button("+ Add", add, "quiet"));
-  return { node, read };
-}
-
-/** A square matrix. @type {Builder} */
-export function grid(form, s, value, pointer) {
-  const id = newId("f");
-  const largest = s.maxItems ?? 10;
-  const size = h("input", { id, type: "number", min: 1, max: largest, value: value?.length ?? 2 });
-  const cells = h("div", { class: "grid" });
-  const item = resolve(s.items).items;
-  let widgets = /** @type {Widget[][]} */ ([]);
-  const show = (given) => {
-    const n = Math.min(Math.max(Math.round(Number(size.value)) || 1, 1), largest);
-    form.forget(pointer);
-    widgets = Array.from({ length: n }, (_, r) => Array.from({ length: n }, (_, c) =>
-      form.build(item, given[r]?.[c] ?? given[0]?.[0] ?? initial(item), `${pointer}/${r}/${c}`)));
-    put(cells, widgets.flat().map((widget) => widget.node));
-    cells.dataset.columns = String(n);
-  };
-  const read = () => widgets.map((row) => row.map((widget) => widget.read()));
-  size.addEventListener("change", () => (show(read()), form.update()));
-  show(value ?? []);
-  const node = h("fieldset", { class: "part" }, h("legend", {}, label(key(pointer))),
-    h("div", { class: "field size" }, h("label", { for: id }, "Size"), size));
-  form.place(pointer, node, s, []);
-  node.append(cells);
   return { node, read };
 }
 

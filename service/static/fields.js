@@ -10,9 +10,13 @@ let serial = 0;
 export const newId = (kind) => `${kind}${++serial}`;
 
 /** @type {Builder} */
-export function input(form, s, value, pointer) {
+export function input(form, given, start, pointer) {
+  // Loops and units are counted from 1 by people, from 0 in requests.
+  const by = given["x-index"] ? 1 : 0;
+  const s = by ? { ...given, description: given.description?.replace("from 0", "from 1") } : given;
+  const value = by && typeof start === "number" ? start + by : start;
   const id = newId("f");
-  const example = s.examples?.find((e) => e !== null);
+  const [example] = (s.examples ?? []).filter((e) => e !== null).map((e) => (by ? e + by : e));
   const input = h("input", {
     id, type: "text", autocomplete: "off", spellcheck: "false", value: shown(value),
     inputmode: s.type === "string" ? "text" : "decimal",
@@ -22,9 +26,10 @@ export function input(form, s, value, pointer) {
   const node = h("div", { class: "field" }, name, h("div", { class: "box" }, input, unitTag(s["x-unit"])));
   const parse = s.type === "array" ? numbers : s.type === "string" ? String : numeric;
   const empty = s.nullable ? null : undefined;
+  const from = (read) => (by && typeof read === "number" ? read - by : read);
   return {
     node: form.place(pointer, node, s, [input]),
-    read: () => (input.value.trim() === "" ? empty : parse(input.value.trim())),
+    read: () => (input.value.trim() === "" ? empty : from(parse(input.value.trim()))),
   };
 }
 

@@ -1,8 +1,9 @@
 /** A form made from a schema: fields, units, bounds and help are those of the service. */
 
-import { grid, object, optional, rows, union } from "./compound.js";
+import { object, optional, rows, union } from "./compound.js";
 import { h, help } from "./dom.js";
 import { choice, input, newId } from "./fields.js";
+import { grid } from "./matrix.js";
 import { faults, resolve } from "./schema.js";
 
 /** @typedef {{node: HTMLElement, error: HTMLElement, controls: HTMLElement[]}} Slot */

@@ -81,7 +81,7 @@ export function rememberUnit(id) {
 
 /** @param {string} [kind] `x-unit` of the schema @returns {string} */
 export const unitText = (kind = "") =>
-  ({ time, "rad/time": `rad/${time}`, gain: "output/input", 1: "", "powers of time": "" })[kind] ?? kind;
+  ({ time, "rad/time": `rad/${time}`, gain: "", 1: "", "powers of time": "" })[kind] ?? kind;
 
 /** @param {string | undefined} kind */
 export const unitTag = (kind) =>

@@ -6,7 +6,7 @@ import { figuresOf, showFigures } from "./figures.js";
 import { clock, label, number, setTimeUnit, unitOf } from "./format.js";
 import { rescaled, unitsIn } from "./units.js";
 import { chipOf } from "./job.js";
-import { summary } from "./record.js";
+import { summary } from "./summary.js";
 
 const EVERY = 2000; // milliseconds between two looks while something runs
 

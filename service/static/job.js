@@ -3,7 +3,7 @@
 import { FINAL, follow, request } from "./api.js";
 import { button, card, h, help, lead, link, put, svg } from "./dom.js";
 import { clock, duration, label, number, setTimeUnit, unitOf, unitTag } from "./format.js";
-import { summary } from "./record.js";
+import { summary } from "./summary.js";
 import { resultView } from "./result.js";
 import { plantFormula } from "./symbols.js";
 

@@ -28,7 +28,8 @@ function show(view, path, query) {
 /** @param {View} view */
 async function analysesView({ main: place }) {
   const items = analyses().map(({ name, description }) => h("li", { class: "card" },
-    h("h2", {}, h("a", { href: `#/analyses/${name}` }, label(name))), h("p", {}, description)));
+    h("h2", {}, h("a", { href: `#/analyses/${name}` }, label(name))),
+    h("p", {}, description.replace(/^Return /, "Shows "))));
   place.replaceChildren(lead("Analyse"), h("ul", { class: "cards links" }, items));
 }
 

@@ -1,12 +1,12 @@
 /** The view of a request: a form, examples to start from, and what comes of it. */
 
 import { once, Problem, request } from "./api.js";
-import { button, download, h, lead, put } from "./dom.js";
+import { answered } from "./answer.js";
+import { button, h, lead, put } from "./dom.js";
 import { Form } from "./form.js";
-import { figuresOfAnswer, showFigures } from "./figures.js";
 import { label, rememberUnit, setTimeUnit, timeUnit, unitOf } from "./format.js";
-import { record } from "./record.js";
-import { analyses, exists, faults, fitting, initial, operation, resolve } from "./schema.js";
+import { intro, takeFiles } from "./intro.js";
+import { analyses, faults, fitting, initial, operation, resolve } from "./schema.js";
 import { plantFormula } from "./symbols.js";
 
 /** What says whose the request is, and which signals: it stands first. @param {Schema} input @returns {Schema} */
@@ -112,22 +112,30 @@ export async function requestView({ main, signal, go }, path, from) {
     }
   };
 
+  const open = async (/** @type {File} */ file) => {
+    const text = await file.text();
+    if (/\.csv$/i.test(file.name)) {
+      sessionStorage.setItem("mutune.record", JSON.stringify({ name: file.name, text }));
+      return go("#/record");
+    }
+    try {
+      show(fitting(op.input, JSON.parse(text)));
+      problem.textContent = `${file.name} is in the form.`;
+    } catch {
+      problem.textContent = `${file.name} holds no JSON: drop a request file, or a record as CSV.`;
+    }
+  };
+  takeFiles(main, signal, open);
+  const chips = [...offers]; // the last one is the empty form
   unit.addEventListener("input", () => (setTimeUnit(unit.value), rememberUnit("last"), changed()));
   show(start);
   main.replaceChildren(
     lead(isJob ? "Tune parallel loops" : op.summary, h("p", {}, resolve(op.input).description),
       h("div", { class: "field unit-of-time" }, h("label", { for: "unit" }, "Unit of time"), unit),
       h("datalist", { id: "units" }, ["s", "min", "h"].map((value) => h("option", { value })))),
+    isJob && !from ? intro(chips.splice(0, chips.length - 1), show, open) : "",
     h("div", { class: "chips" }, h("span", {}, "Start from"),
-      [...offers].map(([name, value]) => button(name, () => show(value), "chip"))),
+      chips.map(([name, value]) => button(name, () => show(value), "chip"))),
     h("div", { class: "split" }, place, h("aside", { class: "card" }, formulas, problem, send)),
     outcome);
-}
-
-/** @param {Operation} op @param {any} answer */
-function answered({ name, output }, answer) {
-  const figures = h("div", { class: "figures" });
-  if (exists(`/v1/figures/${name}`)) showFigures(figures, figuresOfAnswer(name, answer), name);
-  const save = () => download(`${name}.json`, JSON.stringify(answer, null, 2));
-  return h("div", {}, figures, record(answer, output, "result"), h("p", {}, button("Download JSON", save, "quiet")));
 }

@@ -113,7 +113,7 @@ export function faults(schema, value, pointer = "") {
     case "number": {
       if (typeof value !== "number") return wrong("Enter a number.");
       if (s.type === "integer" && !Number.isInteger(value)) return wrong("Enter a whole number.");
-      if (value < s.minimum) return wrong(`At least ${s.minimum}.`);
+      if (value < s.minimum) return wrong(`At least ${s.minimum + (s["x-index"] ? 1 : 0)}.`);
       if (value <= s.exclusiveMinimum) return wrong(`More than ${s.exclusiveMinimum}.`);
       if (value > s.maximum) return wrong(`At most ${s.maximum}.`);
       if (value >= s.exclusiveMaximum) return wrong(`Less than ${s.exclusiveMaximum}.`);

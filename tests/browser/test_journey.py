@@ -239,3 +239,75 @@ def test_a_job_that_nobody_knows(watched: Watched) -> None:
     watched.permit("status of 404")
     watched.go(f"#/tunings/{'0' * 32}")
     expect(watched.page.get_by_role("heading", name="Not found")).to_be_visible()
+
+
+WOOD_BERRY = ("12.8\t-18.9\n6.6\t-19.4", "16.7\t21\n10.9\t14.4", "1\t3\n7\t3")
+
+
+def paste(page: Page, name: str, text: str) -> None:
+    """Paste a block of cells, as a spreadsheet puts it on the clipboard, into a cell."""
+    cell = page.get_by_label(name, exact=True)
+    cell.focus()
+    page.evaluate("text => navigator.clipboard.writeText(text)", text)
+    page.keyboard.press("Control+V")
+
+
+def test_wood_and_berry_is_pasted_as_tables(watched: Watched) -> None:
+    """Three blocks from a spreadsheet make the plant; it is tuned as it stands."""
+    page = watched.page
+    watched.go("#/")
+    page.get_by_label("Matrix").check()
+    for name, text in zip(("Gain K", "Time constant τ", "Dead time θ"), WOOD_BERRY, strict=True):
+        paste(page, f"{name}, output 1, input 1", text)
+    expect(page.get_by_label("Gain K, output 2, input 2")).to_have_value("-19.4")
+    watched.inspect("wood-berry")
+    field(page, "/uncertainty/epsilon").fill("0.1")
+    start(page)
+    expect(page.get_by_role("heading", name="What do I type in?")).to_be_visible()
+    expect(page.get_by_role("heading", level=1)).to_contain_text("2 plant")
+    watched.wait_for_figures()
+    watched.inspect("wood-berry-result")
+
+
+def test_all_three_tables_come_in_one_paste_and_the_table_grows(watched: Watched) -> None:
+    """A block of three times the width holds K, tau and theta; three rows make three loops."""
+    page = watched.page
+    watched.go("#/")
+    page.get_by_label("Matrix").check()
+    rows = ["1;0,2;0,1;10;12;14;1;2;3", "0,3;1;0,2;11;9;8;2;1;2", "0,1;0,2;1;7;8;9;3;2;1"]
+    paste(page, "Gain K, output 1, input 1", "\n".join(rows))
+    expect(page.get_by_label("Size", exact=True)).to_have_value("3")
+    expect(page.get_by_label("Gain K, output 2, input 1", exact=True)).to_have_value("0.3")
+    expect(page.get_by_label("Dead time θ, output 3, input 1", exact=True)).to_have_value("3")
+    expect(page.get_by_label("Time constant τ, output 1, input 3", exact=True)).to_have_value("14")
+
+
+def test_a_request_file_is_dropped_into_the_form(watched: Watched, tmp_path: Path) -> None:
+    """A request that was saved fills the form; what is no request says so."""
+    page = watched.page
+    watched.go("#/")
+    saved = tmp_path / "request.json"
+    saved.write_text(
+        '{"title": "From a file", "plant": {"kind": "first_order", "n": 6, "gain": 2,'
+        '"time_constant": 7, "interaction": 0.1}, "uncertainty": {"epsilon": 0.1, "theta": 0.5}}'
+    )
+    page.get_by_label("Open a file").set_input_files(saved)
+    expect(field(page, "/plant/n")).to_have_value("6")
+    expect(field(page, "/title")).to_have_value("From a file")
+    saved.write_text("not JSON")
+    page.get_by_label("Open a file").set_input_files(saved)
+    expect(page.get_by_role("alert")).to_contain_text("holds no JSON")
+
+
+def test_six_burners(watched: Watched) -> None:
+    """Six independent loops are told one by one, in lines that differ in colour and dash."""
+    page = watched.page
+    watched.go("#/")
+    for pointer, value in {"n": "6", "time_constant": "20", "interaction": "0.4"}.items():
+        field(page, f"/plant/{pointer}").fill(value)
+    page.get_by_label("Best", exact=True).check()
+    start(page)
+    expect(page.get_by_role("heading", name="What do I type in?")).to_be_visible()
+    watched.wait_for_figures()
+    expect(page.locator(".risks li").first).to_be_visible()
+    watched.inspect("six-burners")

@@ -43,7 +43,9 @@ _EFFECT: JsonValue = {
 }
 EXAMPLE: dict[str, JsonValue] = {"plant": _ROSENBROCK, "effect": _EFFECT}
 
-LoopIndex = Annotated[int, Field(ge=0, lt=MAX_UNITS, json_schema_extra={"x-unit": "1"}), WHOLE]
+LoopIndex = Annotated[
+    int, Field(ge=0, lt=MAX_UNITS, json_schema_extra={"x-unit": "1", "x-index": True}), WHOLE
+]
 Numbers = list[float | None]
 Matrix = list[Numbers]
 
