@@ -45,7 +45,7 @@ def timed(call):
 
 def grid_peak(case):
     """Largest mu on 10,000 frequencies, nine decades about the loops' own."""
-    blocks, controllers = group_loops(case.plant, case.loops, case.uncertainty.structure)
+    blocks, controllers = group_loops(case.plant, case.loops, case.uncertainty)
     middle = np.exp(-np.mean([np.log(c.integral_time) for c in controllers]))
     omega = middle * np.geomspace(1e-5, 1e4, 10_000)
     analysis = LoopAnalysis(blocks, controllers, case.uncertainty, case.performance)

@@ -75,9 +75,9 @@ def value(task, settings):
 def least(task, loops, omega):
     """Return the tau_P that the frequencies demand."""
     goal = TauGoal(task.performance)
-    blocks, controllers = group_loops(task.plant, loops, task.uncertainty.structure)
+    blocks, controllers = group_loops(task.plant, loops, task.uncertainty)
     c = np.stack([each.response(omega) for each in controllers], axis=-1)
-    level = levels(blocks, c, task.uncertainty.magnitude(omega) ** 2, omega)
+    level = levels(blocks, c, task.uncertainty.squared(omega, blocks.units), omega)
     return float(np.exp(goal.attained(level, omega).max()))
 
 

@@ -239,7 +239,7 @@ def compute(request: RobustnessRequest) -> dict[str, Any]:
         from solver.robustness.cross_check import cross_check
         from solver.robustness.curves import LoopAnalysis
 
-        loops = group_loops(task.plant, task.loops, task.uncertainty.structure)
+        loops = group_loops(task.plant, task.loops, task.uncertainty, task.performance.output_scale)
         analysis = LoopAnalysis(*loops, task.uncertainty, task.performance)
         document["cross_check"] = encode(cross_check(analysis, found.peaks.robust_performance))
     return document

@@ -221,7 +221,7 @@ class StepResponseRequest(AnalysisRequest):
         actuators, demand = None, None
         with below("/perturbation"):
             if isinstance(self.perturbation, WorstCasePerturbation):
-                demand = self.perturbation.build()
+                demand = self.perturbation.build(plant.n)
             elif self.perturbation is not None:
                 actuators = self.perturbation.build()
         if actuators is not None and len(actuators) != plant.n:

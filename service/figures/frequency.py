@@ -246,5 +246,5 @@ def _together(
 def _analysis(tuned: RequestedTuning, loops: tuple[Controller, ...]) -> LoopAnalysis:
     uncertainty, performance = tuned.uncertainty, tuned.performance
     scales = performance.output_scale
-    blocks, distinct = group_loops(tuned.plant, loops, uncertainty.structure, scales)
+    blocks, distinct = group_loops(tuned.plant, loops, uncertainty, scales)
     return LoopAnalysis(blocks, distinct, uncertainty, performance)

@@ -72,7 +72,7 @@ class GivenLoops(AnalysisRequest):
         with below("/plant"):
             plant = self.plant.build()
         with below("/uncertainty"):
-            uncertainty = self.uncertainty.build()
+            uncertainty = self.uncertainty.build(plant.n)
         with below("/performance"):
             performance = self.performance.build()
         if performance.tau_p is None:

@@ -79,10 +79,12 @@ class WorstCasePerturbation(RequestModel):
         description="The demand; tau_p is needed.", examples=[{"tau_p": 19.0}]
     )
 
-    def build(self) -> tuple[solver.model.weights.Uncertainty, solver.model.weights.Performance]:
-        """Return the solver's weights."""
+    def build(
+        self, units: int
+    ) -> tuple[solver.model.weights.Uncertainty, solver.model.weights.Performance]:
+        """Return the solver's weights for a plant of so many units."""
         with below("/uncertainty"):
-            uncertainty = self.uncertainty.build()
+            uncertainty = self.uncertainty.build(units)
         with below("/performance"):
             performance = self.performance.build()
         if performance.tau_p is None:

@@ -155,7 +155,7 @@ class TuningRequest(RecordedRequest):
             plant = self.plant.build()
         require_supported(plant)
         with below("/uncertainty"):
-            uncertainty = self.uncertainty.build()
+            uncertainty = self.uncertainty.build(plant.n)
         with below("/performance"):
             performance = self.performance.build()
         with below("/controller/bounds"):

@@ -9,8 +9,10 @@ from pydantic import Discriminator, Field, Tag
 import solver.model.weights
 from service.schemas.fields import SMALLEST, PositiveTime, RequestModel, Time, below
 from service.schemas.plants import TransferFunction
+from solver.model.errors import InvalidInputError
 from solver.model.plants import MAX_UNITS
 from solver.model.transfer_function import LARGEST
+from solver.model.transfer_function import TransferFunction as Built
 from solver.model.weights import Structure
 
 __all__ = [
@@ -30,63 +32,105 @@ StructureName = Annotated[
 ]
 
 
-class UncertaintyOfError(RequestModel):
-    """Input uncertainty by its steady-state error and the time scale at which it reaches 100 %."""
+_Each = Field(min_length=1, max_length=MAX_UNITS)
+Error = Annotated[float, Field(ge=SMALLEST, le=LARGEST, json_schema_extra={"x-unit": "1"})]
+GainError = Annotated[float, Field(ge=SMALLEST, le=1, json_schema_extra={"x-unit": "1"})]
 
-    epsilon: Annotated[float, Field(ge=SMALLEST, le=LARGEST, json_schema_extra={"x-unit": "1"})] = (
-        Field(
-            description="Relative error of the inputs at steady state; 0.2 is 20 per cent.",
-            examples=[0.2],
-        )
-    )
-    theta: Time = Field(
-        description="The error reaches 100 per cent near the frequency 1/theta. Of a neglected "
-        "dead time the weight covers about 0.7 theta; gain_error and dead_time_error cover all.",
-        examples=[1.0],
-    )
+
+class _InputUncertainty(RequestModel):
+    """Base of the forms of input uncertainty."""
+
     structure: StructureName = "diagonal"
 
-    def build(self) -> solver.model.weights.Uncertainty:
-        """Return the solver's uncertainty."""
+    @property
+    def given(self) -> solver.model.weights.Uncertainty:
+        """The solver's uncertainty."""
+        raise NotImplementedError
+
+    def build(self, inputs: int) -> solver.model.weights.Uncertainty:
+        """Return the solver's uncertainty for a plant of so many inputs.
+
+        Raises
+        ------
+        InvalidInputError
+            A list with another number of entries, by its pointer.
+
+        """
+        for name in type(self).model_fields:
+            values = getattr(self, name)
+            if isinstance(values, list) and len(values) != inputs:
+                message = f"{len(values)} entries for {inputs} inputs: give one an input"
+                raise InvalidInputError(message, f"/{name}")
+        return self.given
+
+
+class UncertaintyOfError(_InputUncertainty):
+    """Input uncertainty by its steady-state error and the time scale at which it reaches 100 %."""
+
+    epsilon: Error | Annotated[list[Error], _Each] = Field(
+        description="Relative error of the inputs at steady state; 0.2 is 20 per cent. One for "
+        "all, or a list with one an input.",
+        examples=[0.2, [0.2, 0.1]],
+    )
+    theta: Time | Annotated[list[Time], _Each] = Field(
+        description="The error reaches 100 per cent near the frequency 1/theta. Of a neglected "
+        "dead time the weight covers about 0.7 theta; gain_error and dead_time_error cover all. "
+        "One for all, or a list with one an input.",
+        examples=[1.0, [1.0, 2.5]],
+    )
+
+    @property
+    def given(self) -> solver.model.weights.Uncertainty:
+        """The solver's uncertainty."""
         return solver.model.weights.Uncertainty.from_error(
             self.epsilon, self.theta, Structure(self.structure)
         )
 
 
-class UncertaintyOfGainAndDeadTime(RequestModel):
+class UncertaintyOfGainAndDeadTime(_InputUncertainty):
     """Input uncertainty that covers a gain error and a neglected dead time together."""
 
-    gain_error: Annotated[float, Field(ge=SMALLEST, le=1, json_schema_extra={"x-unit": "1"})] = (
-        Field(
-            description="Greatest relative error of an actuator's gain; 0.2 is 20 per cent.",
-            examples=[0.2],
-        )
+    gain_error: GainError | Annotated[list[GainError], _Each] = Field(
+        description="Greatest relative error of an actuator's gain; 0.2 is 20 per cent. One for "
+        "all, or a list with one an input.",
+        examples=[0.2, [0.2, 0.1]],
     )
-    dead_time_error: Time = Field(
-        description="Greatest dead time that the model leaves out.", examples=[1.0]
+    dead_time_error: Time | Annotated[list[Time], _Each] = Field(
+        description="Greatest dead time that the model leaves out. One for all, or a list with "
+        "one an input.",
+        examples=[1.0, [1.0, 2.5]],
     )
-    structure: StructureName = "diagonal"
 
-    def build(self) -> solver.model.weights.Uncertainty:
-        """Return the solver's uncertainty."""
+    @property
+    def given(self) -> solver.model.weights.Uncertainty:
+        """The solver's uncertainty."""
         return solver.model.weights.Uncertainty.from_gain_and_dead_time(
             self.gain_error, self.dead_time_error, Structure(self.structure)
         )
 
 
-class UncertaintyOfWeight(RequestModel):
+class UncertaintyOfWeight(_InputUncertainty):
     """Input uncertainty by its weight w_I(s)."""
 
-    weight: TransferFunction = Field(
-        description="w_I(s), stable; its magnitude bounds the relative error of the inputs.",
+    weight: TransferFunction | Annotated[list[TransferFunction], _Each] = Field(
+        description="w_I(s), stable; its magnitude bounds the relative error of the inputs. One "
+        "for all, or a list with one an input.",
         examples=[{"num": [1.0, 0.2], "den": [0.5, 1.0]}],
     )
-    structure: StructureName = "diagonal"
 
-    def build(self) -> solver.model.weights.Uncertainty:
-        """Return the solver's uncertainty."""
-        with below("/weight"):
-            weight = self.weight.build()
+    @property
+    def given(self) -> solver.model.weights.Uncertainty:
+        """The solver's uncertainty."""
+        weight: Built | tuple[Built, ...]
+        if isinstance(self.weight, list):
+            each = []
+            for index, own in enumerate(self.weight):
+                with below(f"/weight/{index}"):
+                    each.append(own.build())
+            weight = tuple(each)
+        else:
+            with below("/weight"):
+                weight = self.weight.build()
         return solver.model.weights.Uncertainty(weight, Structure(self.structure))
 
 

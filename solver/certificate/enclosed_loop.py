@@ -47,8 +47,8 @@ class ExactLoop:
         The plant's independent blocks.
     controllers : tuple of Ratio
         The different settings.
-    uncertainty : ExactResponse
-        w_I.
+    uncertainties : tuple of ExactResponse
+        w_I of each of the settings, or one for all.
     performance : Ratio
         w_P.
     level_squared : fmpq
@@ -60,7 +60,7 @@ class ExactLoop:
 
     blocks: tuple[ExactBlock, ...]
     controllers: tuple[Ratio, ...]
-    uncertainty: ExactResponse
+    uncertainties: tuple[ExactResponse, ...]
     performance: Ratio
     level_squared: fmpq
     full: bool
@@ -79,21 +79,27 @@ class ExactLoop:
 
         """
         _require_stable(claim.plant)
-        settings = settings_of(claim.plant, claim.loops, claim.performance.output_scale)
+        settings = settings_of(
+            claim.plant, claim.loops, claim.uncertainty, claim.performance.output_scale
+        )
         if len(settings) > MAX_SETTINGS:
             message = f"certificates cover at most {MAX_SETTINGS} different settings"
             raise InvalidInputError(message, "/loops")
-        w_I = claim.uncertainty.weight
-        # At a pole of w_I no level of mu is finite, and at s = 0 the rows' powers of s, which are
-        # counted from the plant alone, would hide it.
-        if w_I.den[-1] == 0 or not is_hurwitz(w_I.den):
-            message = "the uncertainty weight must be stable, without a pole at s = 0"
-            raise InvalidInputError(message, "/uncertainty/weight/den")
+        for w_I in claim.uncertainty.weights:
+            # At a pole of w_I no level of mu is finite, and at s = 0 the rows' powers of s, which
+            # are counted from the plant alone, would hide it.
+            if w_I.den[-1] == 0 or not is_hurwitz(w_I.den):
+                message = "the uncertainty weight must be stable, without a pole at s = 0"
+                raise InvalidInputError(message, "/uncertainty/weight/den")
+        own = [group.weight for group in settings]
         return cls(
             blocks(claim.plant, settings),
             tuple(_controller(group.controller) for group in settings),
             # Only |w_I| counts, so a dead time in it is left out.
-            ExactResponse.combined([(1, TransferFunction(w_I.num, w_I.den))]),
+            tuple(
+                ExactResponse.combined([(1, TransferFunction(w_I.num, w_I.den))])
+                for w_I in (own[:1] if len(set(own)) == 1 else own)
+            ),
             _performance_weight(claim.performance),
             exact(claim.gamma) ** 2,
             claim.uncertainty.structure is Structure.FULL,
@@ -220,18 +226,19 @@ class EnclosedLoop:
         return elements
 
     @cached_property
-    def _weights_squared(self) -> tuple[TaylorModel, TaylorModel]:
-        """|w_I|^2 and |w_P|^2, the latter with its powers of sigma."""
-        w_I = self.loop.uncertainty.enclose(self.frame, 0)
+    def _weights_squared(self) -> tuple[list[TaylorModel], TaylorModel]:
+        """|w_I|^2 of each of the settings, and |w_P|^2 with its powers of sigma."""
+        found = [response.enclose(self.frame, 0) for response in self.loop.uncertainties]
+        own = [w_I * w_I.conjugate for w_I in found]
         w_P = self.loop.performance.enclose(self.frame, self.loop.raised)
-        return w_I * w_I.conjugate, w_P * w_P.conjugate
+        return own if len(own) > 1 else own * len(self._controllers), w_P * w_P.conjugate
 
     def _M(self, block: ExactBlock, X: Sequence[fmpq]) -> list[TaylorModel]:  # noqa: N802 - the matrix
         """Return M, its diagonal, with its powers of |sigma|^2."""
         w_I, w_P = self._weights_squared
         controllers = [self._controllers[x] for x in block.settings]
         return [
-            (w_I * (c * c.conjugate)).scaled(X[x]) + w_P
+            (w_I[x] * (c * c.conjugate)).scaled(X[x]) + w_P
             for c, x in zip(controllers, block.settings, strict=True)
         ]
 

@@ -104,7 +104,12 @@ def _uncertainty(value: object) -> Uncertainty:
     members = _members(value, "weight structure")
     if members["structure"] not in list(Structure):
         _refuse('must be "diagonal" or "full"', "/structure")
-    weight = _within("/weight", _transfer_function, members["weight"])
+    given = members["weight"]  # a list where each input has its own
+    weight: TransferFunction | tuple[TransferFunction, ...]
+    if isinstance(given, list):
+        weight = _within("/weight", _each(_transfer_function), given)
+    else:
+        weight = _within("/weight", _transfer_function, given)
     return Uncertainty(weight, Structure(members["structure"]))
 
 

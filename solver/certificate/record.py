@@ -43,7 +43,8 @@ class ProvenInterval:
     scales : tuple of float
         d > 0 of each of the different settings, in the order of their first loop; of each loop
         where the plant is a matrix; a single one for full-block uncertainty. Settings of outputs
-        with unlike permitted errors are different; the scales go with the plant E^-1 G E.
+        with unlike permitted errors, or of inputs with unlike uncertainty, are different; the
+        scales go with the plant E^-1 G E.
 
     """
 
@@ -107,7 +108,7 @@ class Certificate:
         self._check_coverage()
         claim = self.claim
         count = scale_count(
-            claim.plant, claim.loops, claim.uncertainty.structure, claim.performance.output_scale
+            claim.plant, claim.loops, claim.uncertainty, claim.performance.output_scale
         )
         for index, proven in enumerate(self.intervals):
             if len(proven.scales) != count:
@@ -143,10 +144,7 @@ class Certificate:
             "version": VERSION,
             "gamma": float(claim.gamma),
             "plant": _plant(claim.plant),
-            "uncertainty": {
-                "weight": _transfer_function(claim.uncertainty.weight),
-                "structure": str(claim.uncertainty.structure),
-            },
+            "uncertainty": _uncertainty(claim.uncertainty),
             "performance": _performance(claim.performance),
             "loops": [_loop(loop) for loop in claim.loops],
             "intervals": [
@@ -158,6 +156,17 @@ class Certificate:
                 for proven in self.intervals
             ],
         }
+
+
+def _uncertainty(uncertainty: Uncertainty) -> dict[str, Any]:
+    weight = uncertainty.weight
+    return {
+        # A list where each input has its own: other documents keep their form and digest.
+        "weight": [_transfer_function(own) for own in weight]
+        if isinstance(weight, tuple)
+        else _transfer_function(weight),
+        "structure": str(uncertainty.structure),
+    }
 
 
 def _performance(performance: Performance) -> dict[str, Any]:

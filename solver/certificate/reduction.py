@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 
     from solver.model.controllers import Controller
     from solver.model.plants import Plant
+    from solver.model.transfer_function import TransferFunction
+    from solver.model.weights import Uncertainty
 
 __all__ = ["MAX_SETTINGS", "ExactBlock", "GroupSettings", "blocks", "scale_count", "settings_of"]
 
@@ -40,12 +42,13 @@ MAX_SETTINGS = 20  # the work grows with the cube: 10 take seconds, 20 half a mi
 class GroupSettings:
     """Controller settings that have one D-scale, and how many loops have them.
 
-    `error` is the permitted error of their outputs.
+    `error` is the permitted error of their outputs, `weight` the uncertainty of their inputs.
     """
 
     controller: Controller
     loops: int
-    error: float = 1.0
+    error: float
+    weight: TransferFunction
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,27 +84,32 @@ class ExactBlock:
 
 
 def settings_of(
-    plant: Plant, loops: Sequence[Controller], output_scale: Sequence[float] | None
+    plant: Plant,
+    loops: Sequence[Controller],
+    uncertainty: Uncertainty,
+    output_scale: Sequence[float] | None,
 ) -> tuple[GroupSettings, ...]:
     """Return the settings that have a D-scale of their own, in the order of the loops.
 
-    Equal settings on a parallel plant share one where the permitted errors of their outputs are
-    equal too; on a matrix plant each loop has its own.
+    Equal settings on a parallel plant share one where the permitted errors of their outputs and the
+    uncertainty of their inputs are equal too; on a matrix plant each loop has its own.
     """
-    pairs = list(zip(loops, output_scale or (1.0,) * len(loops), strict=True))
-    if plant.interchangeable:
-        return tuple(GroupSettings(loop, count, e) for (loop, e), count in Counter(pairs).items())
-    return tuple(GroupSettings(loop, 1, e) for loop, e in pairs)
+    weights = [uncertainty.weight_of(unit) for unit in range(len(loops))]
+    own = list(zip(loops, output_scale or (1.0,) * len(loops), weights, strict=True))
+    counts = Counter(own).items() if plant.interchangeable else [(each, 1) for each in own]
+    return tuple(GroupSettings(loop, count, e, w) for (loop, e, w), count in counts)
 
 
 def scale_count(
     plant: Plant,
     loops: Sequence[Controller],
-    structure: Structure,
+    uncertainty: Uncertainty,
     output_scale: Sequence[float] | None,
 ) -> int:
     """Return the number of D-scales: one for a full block of uncertainty."""
-    return 1 if structure is Structure.FULL else len(settings_of(plant, loops, output_scale))
+    if uncertainty.structure is Structure.FULL:
+        return 1
+    return len(settings_of(plant, loops, uncertainty, output_scale))
 
 
 def blocks(plant: Plant, settings: Sequence[GroupSettings]) -> tuple[ExactBlock, ...]:

@@ -100,7 +100,9 @@ def certify(
         The performance weight has no time constant.
 
     """
-    settings = settings_of(claim.plant, claim.loops, claim.performance.output_scale)
+    settings = settings_of(
+        claim.plant, claim.loops, claim.uncertainty, claim.performance.output_scale
+    )
     if len(settings) > MAX_SETTINGS:
         return CertificateFailure(Obstacle.TOO_LARGE)
     if _leaves_powers(claim):
@@ -138,7 +140,7 @@ class _CertificateSearch:
         self.claim = claim
         self.loop = ExactLoop.of(claim)
         self.blocks, self.controllers = group_loops(
-            claim.plant, claim.loops, claim.uncertainty.structure, claim.performance.output_scale
+            claim.plant, claim.loops, claim.uncertainty, claim.performance.output_scale
         )
         self.interrupt = interrupt
         self.attempts = attempts
@@ -194,7 +196,7 @@ class _CertificateSearch:
         t, _, _ = sweep(
             self.blocks.packed(omega),
             np.stack([c.response(omega) for c in self.controllers], axis=-1),
-            self.claim.uncertainty.magnitude(omega) ** 2,
+            self.claim.uncertainty.squared(omega, self.blocks.units),
             self.claim.performance.magnitude(omega) ** 2,
             self.blocks.layout,
             all_free=True,

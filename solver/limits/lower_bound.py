@@ -105,7 +105,7 @@ def lower_bound(plant: Plant, uncertainty: Uncertainty, performance: Performance
         here = values(tau_p)
         best = int(here.argmax())
         return LowerBound(float(here[best]), complex(points.z[best]), points.limitation[best])
-    if abs(complex(uncertainty.weight(0.0))) > 1:  # |w_P(0)| = 1/A > 1 whatever tau_P is
+    if abs(complex(uncertainty.weight_of(0)(0.0))) > 1:  # |w_P(0)| = 1/A > 1 whatever tau_P is
         return LowerBound(math.inf, 0j, Limitation.UNCERTAINTY)
     start = 1 / float(corners(plant, uncertainty).max())
     least = least_tau_p(lambda tau_p: float(values(tau_p).max()), start)
@@ -131,7 +131,7 @@ def _points(plant: Plant, uncertainty: Uncertainty) -> _Points:
     axis = _grid(plant, uncertainty)
     z = np.concatenate([1j * axis, axis.astype(complex)])
     common = min(element.dead_time for element in plant.elements if not element.is_zero)
-    w_I = _outer(uncertainty.weight, z)
+    w_I = _outer(uncertainty.weight_of(0), z)
     by_dead_time = np.exp(np.minimum(common * z.real, FAR))
     zeros = {zero.value for zero in transmission_zeros(plant).zeros if zero.right_half_plane}
     inside = np.array([zero for zero in zeros if zero.real > 0], dtype=complex)

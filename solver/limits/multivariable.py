@@ -75,6 +75,9 @@ def multivariable_limit(
     if performance.unlike_outputs:
         message = "the limit is found for outputs of one scale: divide the plant's rows by theirs"
         raise InvalidInputError(message, "/performance/output_scale")
+    if uncertainty.unlike_inputs:
+        message = "the limit is found for inputs of one uncertainty"
+        raise InvalidInputError(message, "/uncertainty")
     objective = "tau_p" if performance.tau_p is None else "mu"
     search = LimitSearch(plant, uncertainty, performance, tick)
     bound = lower_bound(plant, uncertainty, performance)

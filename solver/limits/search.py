@@ -135,7 +135,7 @@ class LimitSearch:
         self.plant, self.uncertainty, self.performance = plant, uncertainty, performance
         self.tick = tick
         self.target = TARGET
-        self.blocks = central_blocks(plant, uncertainty.structure)
+        self.blocks = central_blocks(plant, uncertainty)
         bends = corners(plant, uncertainty)
         self.bandwidth = _bandwidth(plant, uncertainty, bends)
         low = min(max(bends.min() / 3, 1e-4 * self.bandwidth), self.bandwidth / 30)

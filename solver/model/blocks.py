@@ -13,7 +13,8 @@ Any other plant is a single block. What works with blocks need not know which it
 Permitted errors e_i of the outputs, E = diag(e_i), change sigma_max(w_P S) into
 sigma_max(w_P E^-1 S E). E commutes with the controllers and with diagonal uncertainty, so that is
 the plant E^-1 G E under the same controllers. Of a parallel plant it keeps g on the diagonal, and
-the split holds with the units of equal settings *and* equal permitted errors as groups.
+the split holds with the units of equal settings, equal permitted errors *and* equal uncertainty of
+their inputs as groups.
 """
 
 from __future__ import annotations
@@ -30,14 +31,15 @@ from solver.model.plants import ParallelPlant, Plant
 from solver.model.weights import Structure
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Hashable, Sequence
 
     from numpy.typing import ArrayLike, NDArray
 
     from solver.model.controllers import Controller
     from solver.model.transfer_function import TransferFunction
+    from solver.model.weights import Uncertainty
 
-__all__ = ["Block", "Layout", "LoopBlocks", "WeightedElement", "group_loops", "reduce"]
+__all__ = ["Block", "Layout", "LoopBlocks", "WeightedElement", "group_loops", "marks", "reduce"]
 
 
 class Layout(NamedTuple):
@@ -105,7 +107,8 @@ class LoopBlocks:
         Number of different D-scales.
     parts : tuple of tuples of int
         Units that each channel of the first block stands for. Parallel plant: those that share a
-        controller and a permitted error, group by group; else each unit alone, in their order.
+        controller, a permitted error and an uncertainty, group by group; else each unit alone, in
+        their order.
     output_scale : tuple of float or None
         Permitted error of each output; None: all alike.
 
@@ -145,6 +148,12 @@ class LoopBlocks:
         ] * (sizes[:, None] * sizes * self.ratios)
         single = difference[:, None, None]
         return (mean, *(single for _ in self.blocks[1:]))
+
+    @cached_property
+    def units(self) -> tuple[int, ...]:
+        """A unit that stands for each row of all blocks below each other, (rows,)."""
+        own = (index for index, part in enumerate(self.parts) if len(part) > 1)
+        return tuple(self.parts[index][0] for index in (*range(len(self.parts)), *own))
 
     @cached_property
     def ratios(self) -> NDArray[np.float64]:
@@ -217,7 +226,7 @@ class LoopBlocks:
 def reduce(
     plant: Plant,
     groups: Sequence[Sequence[int]],
-    structure: Structure = Structure.DIAGONAL,
+    uncertainty: Uncertainty | None = None,
     output_scale: Sequence[float] | None = None,
 ) -> LoopBlocks:
     """Return the independent blocks of `plant` under loops that are equal within `groups`.
@@ -228,8 +237,8 @@ def reduce(
         Parallel or general.
     groups : sequence of sequences of int
         A partition of the units 0..n-1.
-    structure : Structure
-        Structure of the input uncertainty.
+    uncertainty : Uncertainty or None
+        Of the inputs; None: independent and alike.
     output_scale : sequence of float or None
         Permitted error of each output, see `Performance`.
 
@@ -243,7 +252,7 @@ def reduce(
     if sorted(unit for group in partition for unit in group) != list(range(plant.n)):
         message = "the groups must hold each unit exactly once"
         raise InvalidInputError(message, "/groups")
-    full = structure is Structure.FULL
+    full = uncertainty is not None and uncertainty.structure is Structure.FULL
     scales = None if output_scale is None else tuple(output_scale)
     if not isinstance(plant, ParallelPlant):
         owner = {unit: index for index, group in enumerate(partition) for unit in group}
@@ -251,7 +260,7 @@ def reduce(
         own = (0,) * plant.n if full else tuple(range(plant.n))
         block = Block(channels, own, 1)
         return LoopBlocks(plant, partition, (block,), 1 if full else plant.n, plant.kinds, scales)
-    split = [_alike(group, scales) for group in partition]
+    split = [_alike(group, marks(uncertainty, scales)) for group in partition]
     owners = tuple(index for index, parts in enumerate(split) for _ in parts)
     parts = tuple(itertools.chain.from_iterable(split))
     size = len(parts)
@@ -264,25 +273,37 @@ def reduce(
     return LoopBlocks(plant, partition, tuple(blocks), 1 if full else size, parts, scales)
 
 
-def _alike(group: tuple[int, ...], output_scale: tuple[float, ...] | None) -> list[tuple[int, ...]]:
-    """Return the units of a group split by their permitted errors, in the order of the units."""
-    if output_scale is None:
-        return [group]
-    parts: dict[float, list[int]] = {}
+def marks(
+    uncertainty: Uncertainty | None, output_scale: Sequence[float] | None
+) -> Callable[[int], Hashable]:
+    """Return what tells a unit from others of a parallel plant: its errors, as a key."""
+
+    def of(unit: int) -> Hashable:
+        return (
+            None if output_scale is None else output_scale[unit],
+            None if uncertainty is None else uncertainty.weight_of(unit),
+        )
+
+    return of
+
+
+def _alike(group: tuple[int, ...], mark: Callable[[int], Hashable]) -> list[tuple[int, ...]]:
+    """Return the units of a group split by their errors, in the order of the units."""
+    parts: dict[Hashable, list[int]] = {}
     for unit in group:
-        parts.setdefault(output_scale[unit], []).append(unit)
+        parts.setdefault(mark(unit), []).append(unit)
     return [tuple(units) for units in parts.values()]
 
 
 def group_loops(
     plant: Plant,
     loops: Sequence[Controller],
-    structure: Structure = Structure.DIAGONAL,
+    uncertainty: Uncertainty | None = None,
     output_scale: Sequence[float] | None = None,
 ) -> tuple[LoopBlocks, tuple[Controller, ...]]:
     """Return the blocks for given loops, and the controller of each of their groups.
 
-    Equal settings share a group, unless the permitted errors of their outputs differ.
+    Equal settings share a group, unless the errors of their inputs or outputs differ.
 
     Raises
     ------
@@ -293,9 +314,9 @@ def group_loops(
     if len(loops) != plant.n:
         message = f"{len(loops)} loops for a plant of {plant.n} units"
         raise InvalidInputError(message, "/loops")
-    groups: dict[tuple[Controller, float | None], list[int]] = {}
+    mark = marks(uncertainty, output_scale)
+    groups: dict[tuple[Controller, Hashable], list[int]] = {}
     for unit, loop in enumerate(loops):
-        error = None if output_scale is None else output_scale[unit]
-        groups.setdefault((loop, error), []).append(unit)
-    blocks = reduce(plant, list(groups.values()), structure, output_scale)
+        groups.setdefault((loop, mark(unit)), []).append(unit)
+    blocks = reduce(plant, list(groups.values()), uncertainty, output_scale)
     return blocks, tuple(loop for loop, _ in groups)

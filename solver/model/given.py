@@ -49,7 +49,7 @@ def require_weights(plant: Plant, uncertainty: Uncertainty, performance: Perform
 
 
 def require_fit(plant: Plant, uncertainty: Uncertainty, performance: Performance) -> None:
-    """Refuse what is no weight, and permitted errors that do not fit the plant.
+    """Refuse what is no weight, and lists of errors that do not fit the plant.
 
     Raises
     ------
@@ -59,6 +59,10 @@ def require_fit(plant: Plant, uncertainty: Uncertainty, performance: Performance
     """
     instance(uncertainty, Uncertainty, "/uncertainty")
     instance(performance, Performance, "/performance")
+    weight = uncertainty.weight
+    if isinstance(weight, tuple) and len(weight) != plant.n:
+        message = f"{len(weight)} uncertainties for a plant of {plant.n} inputs: one an input"
+        raise InvalidInputError(message, "/uncertainty")
     where = "/performance/output_scale"
     scales = performance.output_scale
     if scales is not None and len(scales) != plant.n:

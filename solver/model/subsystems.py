@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from solver.model.blocks import marks
+
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Hashable, Sequence
 
     from solver.model.controllers import Controller
     from solver.model.plants import Plant
+    from solver.model.weights import Uncertainty
 
 __all__ = ["interchangeable", "subsystem"]
 
@@ -25,17 +28,20 @@ def subsystem(
 
 
 def interchangeable(
-    plant: Plant, loops: Sequence[Controller], output_scale: Sequence[float] | None = None
+    plant: Plant,
+    loops: Sequence[Controller],
+    uncertainty: Uncertainty | None = None,
+    output_scale: Sequence[float] | None = None,
 ) -> tuple[tuple[int, ...], ...]:
     """Return the units in groups whose loops may change places without any effect.
 
-    Units of a parallel plant with equal settings and, where given, equal permitted errors; on a
-    matrix plant every unit is its own.
+    Units of a parallel plant with equal settings and, where given, equal uncertainty and permitted
+    errors; on a matrix plant every unit is its own.
     """
     if not plant.interchangeable:
         return plant.kinds
-    groups: dict[tuple[Controller, float | None], list[int]] = {}
+    mark = marks(uncertainty, output_scale)
+    groups: dict[tuple[Controller, Hashable], list[int]] = {}
     for unit, loop in enumerate(loops):
-        error = None if output_scale is None else output_scale[unit]
-        groups.setdefault((loop, error), []).append(unit)
+        groups.setdefault((loop, mark(unit)), []).append(unit)
     return tuple(tuple(units) for units in groups.values())

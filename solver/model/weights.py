@@ -15,10 +15,10 @@ import numpy as np
 
 from solver.model.errors import InvalidInputError
 from solver.model.transfer_function import LARGEST, TransferFunction, refuse_vanishing
-from solver.model.validation import choice, instance, real, reals, settle
+from solver.model.validation import choice, instance, instances, items, real, reals, settle
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from numpy.typing import ArrayLike, NDArray
 
@@ -48,41 +48,48 @@ class Uncertainty:
 
     Parameters
     ----------
-    weight : TransferFunction
+    weight : TransferFunction or tuple of TransferFunction
         w_I(s), dimensionless; only its magnitude matters. Not zero, no pole on the imaginary
-        axis or to its right.
+        axis or to its right. One for all inputs, or one an input.
     structure : Structure or str
         DIAGONAL: the actuators err independently. FULL: they may err in concert.
 
     """
 
-    weight: TransferFunction
+    weight: TransferFunction | tuple[TransferFunction, ...]
     structure: Structure = Structure.DIAGONAL
 
     def __post_init__(self) -> None:
-        instance(self.weight, TransferFunction, "/weight")
+        if isinstance(self.weight, list | tuple):
+            settle(self, weight=_some(instances(self.weight, TransferFunction, "/weight")))
+        else:
+            instance(self.weight, TransferFunction, "/weight")
         settle(self, structure=choice(Structure, self.structure, "/structure"))
-        if self.weight.is_zero:
-            message = "the uncertainty weight is zero"
-            raise InvalidInputError(message, "/weight/num")
-        if np.any(self.weight.poles.real >= 0):
-            message = "the uncertainty weight must be stable"
-            raise InvalidInputError(message, "/weight/den")
+        own = isinstance(self.weight, tuple)
+        for index, weight in enumerate(self.weights):
+            field = f"/weight/{index}" if own else "/weight"
+            if weight.is_zero:
+                message = "the uncertainty weight is zero"
+                raise InvalidInputError(message, f"{field}/num")
+            if np.any(weight.poles.real >= 0):
+                message = "the uncertainty weight must be stable"
+                raise InvalidInputError(message, f"{field}/den")
 
     @classmethod
     def from_error(
         cls,
-        epsilon: float,
-        theta: float,
+        epsilon: float | Sequence[float],
+        theta: float | Sequence[float],
         structure: Structure | Literal["diagonal", "full"] = Structure.DIAGONAL,
     ) -> Uncertainty:
         """Return w_I = epsilon ((theta/epsilon) s + 1)/((theta/2) s + 1).
 
         Parameters
         ----------
-        epsilon : float
-            Relative error of the inputs at steady state, > 0 (0.2 is 20 per cent).
-        theta : float
+        epsilon : float or sequence of float
+            Relative error of the inputs at steady state, > 0 (0.2 is 20 per cent); one for all, or
+            one an input.
+        theta : float or sequence of float
             The error reaches 100 per cent near the frequency 1/theta; theta >= 0. A neglected dead
             time theta is covered up to omega theta = 0.7 only, and not together with an error of
             the gain: `from_gain_and_dead_time` covers both.
@@ -90,25 +97,14 @@ class Uncertainty:
             As for the class.
 
         """
-        epsilon, theta = real(epsilon, "/epsilon"), real(theta, "/theta")
-        structure = choice(Structure, structure, "/structure")
-        if not 0 < epsilon <= LARGEST:
-            message = "epsilon must be positive"
-            raise InvalidInputError(message, "/epsilon")
-        if not 0 <= theta <= LARGEST:
-            message = "theta must not be negative"
-            raise InvalidInputError(message, "/theta")
-        refuse_vanishing(epsilon, "/epsilon")
-        refuse_vanishing(theta / 2, "/theta")
-        if theta == 0:
-            return cls(TransferFunction((epsilon,), (1.0,)), structure)
-        return cls(TransferFunction((theta, epsilon), (theta / 2, 1.0)), structure)
+        weight = _each(_of_error, epsilon=epsilon, theta=theta)
+        return cls(weight, choice(Structure, structure, "/structure"))
 
     @classmethod
     def from_gain_and_dead_time(
         cls,
-        gain_error: float,
-        dead_time_error: float,
+        gain_error: float | Sequence[float],
+        dead_time_error: float | Sequence[float],
         structure: Structure | Literal["diagonal", "full"] = Structure.DIAGONAL,
     ) -> Uncertainty:
         """Return a weight that covers every gain error and every neglected dead time together.
@@ -119,37 +115,126 @@ class Uncertainty:
 
         Parameters
         ----------
-        gain_error : float
-            r: greatest relative error of an actuator's gain, 0 < r <= 1 (0.2 is 20 per cent).
-        dead_time_error : float
+        gain_error : float or sequence of float
+            r: greatest relative error of an actuator's gain, 0 < r <= 1 (0.2 is 20 per
+            cent); one for all, or one an input.
+        dead_time_error : float or sequence of float
             theta: greatest dead time that the model leaves out, >= 0.
         structure : Structure or str
             As for the class.
 
         """
-        r, theta = real(gain_error, "/gain_error"), real(dead_time_error, "/dead_time_error")
-        if not 0 < r <= 1:
-            message = "the gain error must be positive and at most 1"
-            raise InvalidInputError(message, "/gain_error")
-        if not 0 <= theta <= LARGEST:
-            message = "the dead time error must not be negative"
-            raise InvalidInputError(message, "/dead_time_error")
-        refuse_vanishing(r, "/gain_error")
-        if theta == 0:
-            return cls(TransferFunction((r,), (1.0,)), choice(Structure, structure, "/structure"))
-        if theta < SHORTEST:
-            message = f"the dead time error must be zero or at least {SHORTEST:g}"
-            raise InvalidInputError(message, "/dead_time_error")
-        num = np.polymul((1 + r / 2, r), (CORRECTION**-2, LEAD / CORRECTION, 1.0))
-        den = np.polymul((0.5, 1.0), (CORRECTION**-2, LAG / CORRECTION, 1.0))
-        # In powers of theta s; the larger of s and theta s goes with coefficients near one.
-        powers = theta ** (np.arange(3, -1, -1.0) - (3 if theta > 1 else 0))
-        weight = TransferFunction((num * powers).tolist(), (den * powers).tolist())
+        weight = _each(
+            _of_gain_and_dead_time, gain_error=gain_error, dead_time_error=dead_time_error
+        )
         return cls(weight, choice(Structure, structure, "/structure"))
 
+    @property
+    def weights(self) -> tuple[TransferFunction, ...]:
+        """The weights of the inputs, one for all or one each."""
+        return self.weight if isinstance(self.weight, tuple) else (self.weight,)
+
+    @property
+    def unlike_inputs(self) -> bool:
+        """Whether the inputs have different weights."""
+        return len(set(self.weights)) > 1
+
+    def weight_of(self, unit: int) -> TransferFunction:
+        """Return w_I of an input."""
+        return self.weight[unit] if isinstance(self.weight, tuple) else self.weight
+
+    def of_units(self, units: Sequence[int]) -> Uncertainty:
+        """Return the uncertainty of some of the inputs."""
+        if not isinstance(self.weight, tuple):
+            return self
+        return replace(self, weight=tuple(self.weight[unit] for unit in units))
+
+    def responses(self, omega: ArrayLike, units: Sequence[int]) -> NDArray[np.complex128]:
+        """Return w_I of the inputs `units` (m,) at `omega` (k,) rad per time unit, (k, m)."""
+        found = {w: w.response(omega) for w in {self.weight_of(unit) for unit in units}}
+        return np.stack([found[self.weight_of(unit)] for unit in units], axis=-1)
+
+    def squared(self, omega: ArrayLike, units: Sequence[int]) -> NDArray[np.float64]:
+        """Return |w_I|^2 of the inputs `units` (m,) at `omega` (k,) rad per time unit, (k, m)."""
+        return np.ascontiguousarray(np.abs(self.responses(omega, units)) ** 2)
+
     def magnitude(self, omega: ArrayLike) -> NDArray[np.float64]:
-        """Return |w_I| at `omega` (rad per time unit), (k,)."""
-        return np.abs(self.weight.response(omega))
+        """Return |w_I| of the most uncertain input at `omega` (rad per time unit), (k,)."""
+        return np.asarray(np.max([np.abs(w.response(omega)) for w in self.weights], axis=0))
+
+
+def _some(weights: tuple[TransferFunction, ...]) -> tuple[TransferFunction, ...]:
+    if not weights:
+        message = "give one weight for all inputs, or one an input"
+        raise InvalidInputError(message, "/weight")
+    return weights
+
+
+def _each(
+    weight: Callable[..., TransferFunction], **given: float | Sequence[float]
+) -> TransferFunction | tuple[TransferFunction, ...]:
+    """Return a weight of the given numbers, or one an input where a number has as many values."""
+    values = {
+        name: tuple(items(value, f"/{name}"))
+        for name, value in given.items()
+        if isinstance(value, list | tuple | np.ndarray)
+    }
+    if not values:
+        fields = {name: f"/{name}" for name in given}
+        return weight(fields, **{name: real(value, f"/{name}") for name, value in given.items()})
+    longest = max(map(len, values.values()))
+    for name, numbers in values.items():
+        if len(numbers) != longest or not numbers:
+            message = f"{len(numbers)} values, elsewhere {longest}: give one an input"
+            raise InvalidInputError(message, f"/{name}")
+    found = []
+    for index in range(longest):
+        fields = {name: f"/{name}/{index}" if name in values else f"/{name}" for name in given}
+        own = {
+            name: real(values[name][index] if name in values else value, fields[name])
+            for name, value in given.items()
+        }
+        found.append(weight(fields, **own))
+    return tuple(found)
+
+
+def _of_error(fields: Mapping[str, str], *, epsilon: float, theta: float) -> TransferFunction:
+    """Return the weight of SLH eq. 27."""
+    if not 0 < epsilon <= LARGEST:
+        message = "epsilon must be positive"
+        raise InvalidInputError(message, fields["epsilon"])
+    if not 0 <= theta <= LARGEST:
+        message = "theta must not be negative"
+        raise InvalidInputError(message, fields["theta"])
+    refuse_vanishing(epsilon, fields["epsilon"])
+    refuse_vanishing(theta / 2, fields["theta"])
+    if theta == 0:
+        return TransferFunction((epsilon,), (1.0,))
+    return TransferFunction((theta, epsilon), (theta / 2, 1.0))
+
+
+def _of_gain_and_dead_time(
+    fields: Mapping[str, str], *, gain_error: float, dead_time_error: float
+) -> TransferFunction:
+    """Return the weight of Skogestad and Postlethwaite (2005), eqs. 7.27 and 7.28."""
+    r, theta = gain_error, dead_time_error
+    if not 0 < r <= 1:
+        message = "the gain error must be positive and at most 1"
+        raise InvalidInputError(message, fields["gain_error"])
+    if not 0 <= theta <= LARGEST:
+        message = "the dead time error must not be negative"
+        raise InvalidInputError(message, fields["dead_time_error"])
+    refuse_vanishing(r, fields["gain_error"])
+    if theta == 0:
+        return TransferFunction((r,), (1.0,))
+    if theta < SHORTEST:
+        message = f"the dead time error must be zero or at least {SHORTEST:g}"
+        raise InvalidInputError(message, fields["dead_time_error"])
+    num = np.polymul((1 + r / 2, r), (CORRECTION**-2, LEAD / CORRECTION, 1.0))
+    den = np.polymul((0.5, 1.0), (CORRECTION**-2, LAG / CORRECTION, 1.0))
+    # In powers of theta s; the larger of s and theta s goes with coefficients near one.
+    powers = theta ** (np.arange(3, -1, -1.0) - (3 if theta > 1 else 0))
+    return TransferFunction((num * powers).tolist(), (den * powers).tolist())
 
 
 @dataclass(frozen=True)

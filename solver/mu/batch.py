@@ -34,8 +34,10 @@ class Batch(NamedTuple):
         Controllers.
     G, SG : (4 rows, 8)
         Plant and S G of all blocks, two columns a row.
-    u, b : (1, 8)
-        |w_I|^2, and the weight of the performance rows.
+    u : (rows, 8)
+        |w_I|^2 of each row's input.
+    b : (1, 8)
+        Weight of the performance rows.
     p : (rows, 8)
         |w_I c|^2.
     start, y, x, x_inverse : (scales, 8)
@@ -81,7 +83,7 @@ def batch(rows, blocks, controllers, scales):
         c=np.empty((2 * controllers, WIDTH)),
         G=np.zeros((4 * rows, WIDTH)),
         SG=np.zeros((4 * rows, WIDTH)),
-        u=np.empty((1, WIDTH)),
+        u=np.empty((rows, WIDTH)),
         b=np.empty((1, WIDTH)),
         p=np.empty((rows, WIDTH)),
         start=np.empty((scales, WIDTH)),

@@ -26,9 +26,9 @@ def set_up(layout, work):
     """Fill in det(I + G C), S G and what the scales leave alone: P and the coefficients of W."""
     channels, first = layout.channels, layout.first
     G, SG, table = work.G, work.SG, work.table
-    u, b = load(work.u, 0), load(work.b, 0)
+    b = load(work.b, 0)
     for r in range(channels.size):
-        store(work.p, r, u * square(pair(work.c, channels[r])))
+        store(work.p, r, load(work.u, r) * square(pair(work.c, channels[r])))
     for block in range(first.size - 1):
         lo, at = first[block], TABLE * block
         c1, g11 = pair(work.c, channels[lo]), pair(G, 2 * lo)
@@ -81,7 +81,7 @@ def slopes(layout, work, all_free):
     """Fill in `t` and `slope` at what `solve` has found."""
     channels, scales, first = layout.channels, layout.scales, layout.first
     b, level = load(work.b, 0), 1.0 / load(work.centre, 0)
-    factor = load(work.u, 0) / load(work.level, 0) if all_free else load(work.u, 0)
+    divisor = load(work.level, 0) if all_free else fill(1.0)
     total = fill(0.0)
     for i in range(work.slope.shape[0]):
         store(work.slope, i, fill(0.0))
@@ -94,7 +94,7 @@ def slopes(layout, work, all_free):
         if first[block + 1] - lo == 1:
             A1 = w1 / (1.0 - q1 * w1)
             total += A1 * t1
-            own = factor * load(work.x, scales[lo]) * A1
+            own = load(work.u, lo) / divisor * load(work.x, scales[lo]) * A1
             _add_slope(work, channels[lo], own, scaled(a11, q1 * A1))
             continue
         z2 = load(work.p, lo + 1) * load(work.x, scales[lo + 1])
@@ -110,10 +110,10 @@ def slopes(layout, work, all_free):
         a22 = pair(work.SG, 2 * lo + 3)
         total += A1 * t1 + A2 * t2
         mixed = plus(scaled(a11, q1 * A1), scaled(times(w12, a21), q2 * over))
-        own = factor * load(work.x, scales[lo]) * A1
+        own = load(work.u, lo) / divisor * load(work.x, scales[lo]) * A1
         _add_slope(work, channels[lo], own, mixed)
         mixed = plus(scaled(a22, q2 * A2), scaled(conjugate_times(w12, a12), q1 * over))
-        own = factor * load(work.x, scales[lo + 1]) * A2
+        own = load(work.u, lo + 1) / divisor * load(work.x, scales[lo + 1]) * A2
         _add_slope(work, channels[lo + 1], own, mixed)
     over = -2.0 / total
     for i in range(work.slope.shape[0]):

@@ -133,8 +133,10 @@ def sweep(G, c, u, b, layout, all_free, nu, cold, y):
         `LoopBlocks.packed`.
     c : (k, controllers) complex
         Controller responses.
-    u, b : (k,)
-        |w_I|^2, and the weight of the performance rows: |w_P|^2, or 1 where that is sought.
+    u : (k, rows)
+        |w_I|^2 of each row's input.
+    b : (k,)
+        Weight of the performance rows: |w_P|^2, or 1 where that is sought.
     layout : Layout
         `LoopBlocks.layout`.
     all_free : bool
@@ -204,7 +206,7 @@ def _sweep(G, c, u, b, layout, all_free, nu, cold, y, scratch, ws, t, slope, det
                         S[i, j] = 0j
         for i in range(rows):
             ci = c[k, channels[i]]
-            p[i] = u[k] * (ci.real * ci.real + ci.imag * ci.imag)
+            p[i] = u[k, i] * (ci.real * ci.real + ci.imag * ci.imag)
             scratch.b[i] = b[k]
             scratch.b_small[i] = 1e-6 * b[k]
         if closed_form:
@@ -224,7 +226,7 @@ def _sweep(G, c, u, b, layout, all_free, nu, cold, y, scratch, ws, t, slope, det
         p_level = math.exp(t[k]) if all_free else 1.0
         for i in range(rows):
             ci = c[k, channels[i]]
-            own = p_level * u[k] * x[scales[i]] * A[i] * np.conj(ci)
+            own = p_level * u[k, i] * x[scales[i]] * A[i] * np.conj(ci)
             slope[k, channels[i]] -= 2.0 * (own - mixed[i]) * (1.0 / total)
 
 

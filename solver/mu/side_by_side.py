@@ -26,7 +26,8 @@ def sweep(
                 for j in range(widest):
                     work.G[4 * i + 2 * j, lane] = G[k, i, j].real
                     work.G[4 * i + 2 * j + 1, lane] = G[k, i, j].imag
-            work.u[0, lane], work.b[0, lane] = u[k], b[k]
+                work.u[i, lane] = u[k, i]
+            work.b[0, lane] = b[k]
             if not cold:
                 for s in range(scales):
                     work.y[s, lane] = y[k, s]

@@ -105,11 +105,12 @@ class Conditions:
         cold = True
         for _ in range(ROUNDS):
             points, G, u = self.samples.s[used], self.samples.G[used], self.samples.u[used]
+            rows = np.repeat(u[:, None], G.shape[1], axis=1)
             p = demands(self.target, points, max_peak, offset)
             # Of |E Z - G v| at |c| = 1: |v| <= sqrt(u) |c Z|.
             reach = self.samples.size[used] * (1 + np.sqrt(u))
             c = self.signs * (v[::2] + v[1::2] / points[:, None])
-            sweep(G, c, u, p, self.blocks.layout, all_free=True, nu=NU, cold=cold, y=y)
+            sweep(G, c, rows, p, self.blocks.layout, all_free=True, nu=NU, cold=cold, y=y)
             cold = False
             found.append(cuts(c, G, u, p, self.blocks.layout, np.exp(y)))
             cut = Cuts(

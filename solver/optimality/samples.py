@@ -56,7 +56,8 @@ class Samples:
 def samples(blocks: LoopBlocks, uncertainty: Uncertainty, s: NDArray[np.complex128]) -> Samples:
     """Return the values at those of the points `s` (k,) where they are right to 1e-14."""
     plant = blocks.plant
-    right = _right(uncertainty.weight, s)
+    weight = uncertainty.weight_of(0)
+    right = _right(weight, s)
     for function in set(plant.elements):
         right &= _right(function, s)
     s = s[right]
@@ -68,7 +69,7 @@ def samples(blocks: LoopBlocks, uncertainty: Uncertainty, s: NDArray[np.complex1
         elements = [element for row in plant.rows for element in row]
         ratios = blocks.ratios.ravel()
         size = np.sqrt(sum(np.abs(e(s) * r) ** 2 for e, r in zip(elements, ratios, strict=True)))
-    u = np.abs(uncertainty.weight(s)) ** 2
+    u = np.abs(weight(s)) ** 2
     return Samples(s, blocks.packed_at(s), u, np.asarray(size))
 
 

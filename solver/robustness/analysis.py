@@ -77,7 +77,7 @@ def analyse(
     require_weights(plant, uncertainty, performance)
     certificate = flag(certificate, "/certificate")
     wanted = None if omega is None else frequencies(omega, most=MAX_FREQUENCIES)
-    blocks, controllers = group_loops(plant, loops, uncertainty.structure, performance.output_scale)
+    blocks, controllers = group_loops(plant, loops, uncertainty, performance.output_scale)
     analysis = LoopAnalysis(blocks, controllers, uncertainty, performance)
     poles = closed_loop_poles(plant, loops)
     if poles.right_half_plane and not poles.at_origin:

@@ -110,7 +110,7 @@ def proven_peaks(
         No offset is permitted, but the loops leave one.
 
     """
-    blocks, controllers = group_loops(plant, loops, uncertainty.structure, performance.output_scale)
+    blocks, controllers = group_loops(plant, loops, uncertainty, performance.output_scale)
     analysis = LoopAnalysis(blocks, controllers, uncertainty, performance)
     require_bounded(analysis, loops)
     compiled = _compiled(plant, uncertainty, performance, loops)
@@ -181,7 +181,7 @@ def _compiled(
     plant: Plant, uncertainty: Uncertainty, performance: Performance, loops: Sequence[Controller]
 ) -> tuple[Tables, Scratch] | None:
     """Return the loop for the compiled enclosures; None where it has too many settings."""
-    if len(settings_of(plant, loops, performance.output_scale)) > MAX_SETTINGS:
+    if len(settings_of(plant, loops, uncertainty, performance.output_scale)) > MAX_SETTINGS:
         return None
     level = 1.0  # each march brings its own
     T = tables(ExactLoop.of(Claim(plant, uncertainty, performance, tuple(loops), level)))

@@ -36,13 +36,18 @@ def interconnections(
         `LoopBlocks.packed`.
     c : (k, controllers) complex
         Controller responses.
-    w_I, w_P : (k,) complex
-        The weights.
+    w_I : (k, rows) complex
+        Weight of each row's input.
+    w_P : (k,) complex
+        The weight of performance.
 
     """
     return [
         interconnection(
-            G[:, first : first + block.size, : block.size], c[:, list(block.channels)], w_I, w_P
+            G[:, first : first + block.size, : block.size],
+            c[:, list(block.channels)],
+            w_I[:, first : first + block.size],
+            w_P,
         )
         for block, first in zip(blocks.blocks, blocks.layout[2], strict=False)
     ]

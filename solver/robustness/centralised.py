@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
     from solver.model.blocks import LoopBlocks
     from solver.model.transfer_function import TransferFunction
-    from solver.model.weights import Performance, Structure, Uncertainty
+    from solver.model.weights import Performance, Uncertainty
 
 __all__ = [
     "Centralised",
@@ -103,9 +103,9 @@ class ModeController:
 FullController = StateSpace | MatrixPlant | ModeController
 
 
-def central_blocks(plant: Plant, structure: Structure) -> LoopBlocks:
+def central_blocks(plant: Plant, uncertainty: Uncertainty) -> LoopBlocks:
     """Return the blocks of a plant under a full controller: two modes, or the whole matrix."""
-    return reduce(plant, plant.kinds, structure)
+    return reduce(plant, plant.kinds, uncertainty)
 
 
 def best_scales(
@@ -209,7 +209,7 @@ class CentralisedAnalysis:
 
     def matrices(self, omega: NDArray[np.float64]) -> list[NDArray[np.complex128]]:
         """N_RP of each block, (k, 2 m, 2 m) complex: uncertain channels first."""
-        w_I = self.uncertainty.weight.response(omega)[:, None, None]
+        w_I = self.uncertainty.weight_of(0).response(omega)[:, None, None]
         w_P = self.performance.weight.response(omega)[:, None, None]
         matrices = []
         for G, controller in zip(self.blocks.response(omega), self.controllers, strict=True):
@@ -293,7 +293,8 @@ def analyse_centralised(
     Raises
     ------
     InvalidInputError
-        No `tau_p`, unlike `output_scale`, or a controller of another size than the plant.
+        No `tau_p`, unlike `output_scale` or uncertainty of the inputs, or a controller of another
+        size than the plant.
     UnsupportedPlantError
         The plant is open-loop unstable.
 
@@ -303,6 +304,9 @@ def analyse_centralised(
     if performance.unlike_outputs:
         message = "full controllers need outputs of one scale: divide the plant's rows by theirs"
         raise InvalidInputError(message, "/performance/output_scale")
+    if uncertainty.unlike_inputs:
+        message = "full controllers need inputs of one uncertainty"
+        raise InvalidInputError(message, "/uncertainty")
     instance(controller, FullController, "/controller")
     require_supported(plant)
     blocks, controllers = _paired(plant, uncertainty, controller)
@@ -381,14 +385,14 @@ def _paired(
             message = "a mode controller is for a parallel plant"
             raise InvalidInputError(message, "/controller")
         both = (controller.total, controller.difference)
-        blocks = central_blocks(plant, uncertainty.structure)
+        blocks = central_blocks(plant, uncertainty)
         return blocks, both[: len(blocks.blocks)]
     size = controller.n if isinstance(controller, MatrixPlant) else controller.D.shape
     if size not in (plant.n, (plant.n, plant.n)):
         message = f"the controller must be {plant.n} x {plant.n}"
         raise InvalidInputError(message, "/controller")
     matrix = MatrixPlant(plant.rows)
-    return central_blocks(matrix, uncertainty.structure), (controller,)
+    return central_blocks(matrix, uncertainty), (controller,)
 
 
 def _poles(controller: StateSpace | MatrixPlant) -> NDArray[np.complex128]:

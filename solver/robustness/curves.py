@@ -131,7 +131,8 @@ class LoopAnalysis:
     def _at(self, omega: NDArray[np.float64]) -> _KernelData:
         c = np.stack([controller.response(omega) for controller in self.controllers], axis=-1)
         G = self.blocks.packed(omega)
-        w_I, w_P = (each.weight.response(omega) for each in (self.uncertainty, self.performance))
+        w_I = self.uncertainty.responses(omega, self.blocks.units)
+        w_P = self.performance.weight.response(omega)
         matrices = interconnections(self.blocks, G, c, w_I, w_P)
         return _KernelData(G, c, np.abs(w_I) ** 2, np.abs(w_P) ** 2, matrices)
 

@@ -113,7 +113,7 @@ def _enclose(T, S, var):
             copy_scaled(models, spare + 4, 1.0, spare + 3)
         shift(models, out, 1.0, spare + 3)
         finish(models, out)
-    for out in range(T.controllers, T.controllers + 2):
+    for out in range(T.controllers, S.uses):
         set_zero(models, spare)
         add_product(models, out, out, 1.0, spare)
         finish(models, spare)
@@ -168,7 +168,8 @@ def _form(T, S, var, block, x, level2, kind):
             set_zero(models, spare + 1)
             add_product(models, setting, setting, scale, spare + 1)
             finish(models, spare + 1)
-            multiply(models, spare + 1, T.controllers + 1, spare)
+            own = setting if T.uncertainties > 1 else 0
+            multiply(models, spare + 1, T.controllers + 1 + own, spare)
         if kind != STABILITY:
             shift(models, spare, 1.0, T.controllers)
             finish(models, spare)

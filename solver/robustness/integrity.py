@@ -174,7 +174,7 @@ def integrity(
     """
     loops = require_loops(plant, loops)
     classes = service_classes(plant, uncertainty, performance, loops)
-    groups = interchangeable(plant, loops, performance.output_scale)
+    groups = interchangeable(plant, loops, uncertainty, performance.output_scale)
     return Integrity(groups, classes, _detuning(plant, loops, groups), _controllability(plant))
 
 
@@ -193,7 +193,7 @@ def service_classes(
     """
     loops = require_loops(plant, loops)
     require_weights(plant, uncertainty, performance)
-    groups = interchangeable(plant, loops, performance.output_scale)
+    groups = interchangeable(plant, loops, uncertainty, performance.output_scale)
     count = math.prod(len(group) + 1 for group in groups) - 1
     if count > MAX_CLASSES:
         message = (
@@ -245,7 +245,7 @@ def _proven(
     whole: tuple[Peaks, Guarantee] | None,
 ) -> list[_Found]:
     """Peaks of robust stability and performance of each kind of set, over all frequencies."""
-    groups = interchangeable(plant, loops, performance.output_scale)
+    groups = interchangeable(plant, loops, uncertainty, performance.output_scale)
     found = []
     for kind in kinds:
         units = sorted(unit for group, k in zip(groups, kind, strict=True) for unit in group[:k])
@@ -254,7 +254,9 @@ def _proven(
             found.append((top.robust_stability, top.robust_performance, guarantee))
             continue
         part, remaining = subsystem(plant, loops, units)
-        axis = proven_peaks(part, uncertainty, performance.of_units(units), remaining)
+        axis = proven_peaks(
+            part, uncertainty.of_units(units), performance.of_units(units), remaining
+        )
         found.append((axis.peaks.robust_stability, axis.peaks.robust_performance, axis.guarantee))
     return found
 
@@ -264,20 +266,24 @@ def _sampled(
 ) -> list[_Found]:
     """Return the same for many kinds at once, on the grid of all loops together, refined."""
     analysis = LoopAnalysis(
-        *group_loops(sets.plant, loops, uncertainty.structure, performance.output_scale),
+        *group_loops(sets.plant, loops, uncertainty, performance.output_scale),
         uncertainty,
         performance,
     )
     require_bounded(analysis, loops)
+    groups = interchangeable(sets.plant, loops, uncertainty, performance.output_scale)
+    units = [group[0] for group in groups]
     errors = None
     if performance.output_scale is not None:
-        groups = interchangeable(sets.plant, loops, performance.output_scale)
-        errors = np.array([performance.output_scale[group[0]] for group in groups])
+        errors = np.array([performance.output_scale[unit] for unit in units])
     reason = f"more than {MAX_PROVEN} kinds of sets: their peaks are sampled"
     return [
         (stability, robust, Guarantee(GuaranteeStatus.OPEN, robust.value, reason))
         for stability, robust in zip(
-            *peaks(sets, uncertainty, performance, analysis.omega[::2], errors=errors), strict=True
+            *peaks(
+                sets, uncertainty.of_units(units), performance, analysis.omega[::2], errors=errors
+            ),
+            strict=True,
         )
     ]
 
@@ -294,7 +300,7 @@ def in_one_line(
 
     Otherwise say that it was left out. Parameters, errors: as for `service_classes`.
     """
-    groups = interchangeable(plant, loops, performance.output_scale)
+    groups = interchangeable(plant, loops, uncertainty, performance.output_scale)
     count = math.prod(len(group) + 1 for group in groups) - 1
     if count * len(groups) ** 2 > MAX_IN_PASSING:
         return f"loops out of service: {_number(count)} kinds of sets, not analysed in passing"

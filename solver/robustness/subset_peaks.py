@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -44,7 +44,7 @@ def peaks(
     subsets : Subsets
         Loops in service.
     uncertainty, performance : Uncertainty, Performance
-        The weights.
+        The weights; the uncertainty of each controller's inputs, or of all.
     omega : (k,) rad per time unit
         Ascending grid that resolves all of them.
     errors : (controllers,) or None
@@ -126,8 +126,14 @@ class _Family:
         else:
             units = channels[0].tolist()
             groups = [range(row, row + 1) for row in range(len(units))]
-        blocks = reduce(plant.part(units), groups, uncertainty.structure)
+        alike = replace(uncertainty, weight=uncertainty.weight_of(0))
+        blocks = reduce(plant.part(units), groups, alike)
         return cls(subsets, channels, counts, blocks, uncertainty, performance, errors)
+
+    @property
+    def repeated(self) -> list[int]:
+        """Channels of the first block that have a block of differences of their own."""
+        return [index for index, part in enumerate(self.blocks.parts) if len(part) > 1]
 
     def peak_frequencies(
         self, members: NDArray[np.intp], omega: NDArray[np.float64]
@@ -202,14 +208,21 @@ class _Family:
         G[:, :size] = means
         if rows > size:
             G[:, size:, 0] = self.subsets.modes(omega)[0][:, None]
-        w_I, w_P = (each.weight.response(omega) for each in (self.uncertainty, self.performance))
+        w_I = self.uncertainty.responses(omega, range(len(self.uncertainty.weights)))
+        if w_I.shape[1] > 1:  # one a group of the subsets, of which each has its own
+            w_I = np.take_along_axis(w_I, channels, axis=1)
+        w_I = np.broadcast_to(w_I, (omega.size, size))
+        if rows > size:  # the differences within groups follow those with two units or more
+            w_I = np.concatenate([w_I, w_I[:, self.repeated]], axis=1)
+        w_P = self.performance.weight.response(omega)
         return _Loops(G, c, w_I, w_P, split)
 
     def _sweep(self, loops: _Loops, nu: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Level (k,) and D-scales (k, scales)."""
-        u, b = np.abs(loops.uncertainty) ** 2, np.abs(loops.performance) ** 2
+        u = np.ascontiguousarray(np.abs(loops.uncertainty) ** 2)
+        b = np.abs(loops.performance) ** 2
         b[: loops.split] = 0.0
-        y = np.zeros((u.size, self.blocks.n_scales))
+        y = np.zeros((b.size, self.blocks.n_scales))
         scales_all = True
         starts_at_the_last = True
         level = [
@@ -226,8 +239,8 @@ class _Family:
 class _Loops:
     """Loops of a family, k rows.
 
-    `G` as `LoopBlocks.packed` has it, controllers `c` (k, m), responses of the weights (k,). The
-    first `split` rows are asked for robust stability, the others for robust performance.
+    `G` as `LoopBlocks.packed` has it, controllers `c` (k, m), weights (k, rows) and (k,). The first
+    `split` rows are asked for robust stability, the others for robust performance.
     """
 
     G: NDArray[np.complex128]

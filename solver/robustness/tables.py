@@ -26,8 +26,8 @@ class Tables(NamedTuple):
     Terms are rational functions with dead time: controllers, w_P, those of w_I, the plant's.
     Polynomials in s (0) and in 1/s (1), ascending: `num[0 or 1, term]` is a mantissa, `num_power`
     its power of two. A job is a term times `job_factors` powers of s that goes to the model
-    `job_out`, as its first part or one more: controllers, w_P, w_I, and the uses that the plant's
-    entries make of a response.
+    `job_out`, as its first part or one more: controllers, w_P, w_I of each of them or one for all,
+    and the uses that the plant's entries make of a response.
     """
 
     num: NDArray[np.float64]
@@ -39,6 +39,7 @@ class Tables(NamedTuple):
     integrators: NDArray[np.int64]
     dead_time: NDArray[np.float64]
     controllers: int
+    uncertainties: int
     job_term: NDArray[np.int64]
     job_factors: NDArray[np.int64]
     job_out: NDArray[np.int64]
@@ -61,13 +62,13 @@ def tables(loop: ExactLoop) -> Tables:
     """Return a loop's numbers as compiled code wants them."""
     terms: list[tuple[fmpq, Ratio]] = [(fmpq(0), ratio) for ratio in loop.controllers]
     terms.append((fmpq(0), loop.performance))
-    terms += loop.uncertainty.terms
-    functions = len(loop.controllers) + 2
-    jobs = [(index, loop.raised, index, True) for index in range(functions - 1)]
-    jobs += [
-        (index, 0, functions - 1, index == functions - 1)
-        for index in range(functions - 1, len(terms))
-    ]
+    jobs = [(index, loop.raised, index, True) for index in range(len(terms))]
+    functions = len(terms)
+    for response in loop.uncertainties:
+        start = len(terms)
+        terms += response.terms
+        jobs += [(k, 0, functions, k == start) for k in range(start, len(terms))]
+        functions += 1
     ranges: dict[int, tuple[int, int]] = {}
     uses: dict[tuple[int, int], int] = {}
     use = []
@@ -107,6 +108,7 @@ def tables(loop: ExactLoop) -> Tables:
         integrators=np.array([r.integrators for r in rationals]),
         dead_time=np.array([_double(theta) for theta, _ in terms]),
         controllers=len(loop.controllers),
+        uncertainties=len(loop.uncertainties),
         job_term=np.array([job[0] for job in jobs]),
         job_factors=np.array([job[1] for job in jobs]),
         job_out=np.array([job[2] for job in jobs]),
@@ -204,7 +206,7 @@ class Scratch(NamedTuple):
 def scratch(T: Tables) -> Scratch:
     """Room to work in."""
     size, blocks = int(np.diff(T.row0).max()), T.row0.size - 1
-    uses = T.controllers + 2
+    uses = T.controllers + 1 + T.uncertainties
     E = uses + T.uses
     G, R, M, F = E + size**2, E + 2 * size**2, E + 3 * size**2, E + 3 * size**2 + size
     spare = F + size**2

@@ -153,7 +153,7 @@ def worst_case(
         gap=max(1 - mu / upper, 0.0),
         uncertainty=_rank_one(units, Delta[:size, :size], at)
         if uncertainty.structure is Structure.FULL
-        else _diagonal(units, np.diag(Delta)[:size], at, _rational(uncertainty.weight)),
+        else _diagonal(units, np.diag(Delta)[:size], at, uncertainty),
         performance=_rank_one(units, Delta[size:, size:], at),
     )
 
@@ -192,16 +192,17 @@ def _attained(  # noqa: PLR0917 - as its two callers have them
 ) -> _Attained:
     full = uncertainty.structure is Structure.FULL
     halves = [(half, part) for part, units in enumerate(blocks.parts) for half in _split(units)]
-    split = reduce(
-        blocks.plant, [half for half, _ in halves], uncertainty.structure, blocks.output_scale
-    )
+    split = reduce(blocks.plant, [half for half, _ in halves], uncertainty, blocks.output_scale)
     channels = [halves[channel] for channel in split.blocks[0].channels]
     size = len(channels)
     group = blocks.blocks[0].channels
     N = interconnection(
         split.response(omega)[0],
         np.stack([controllers[group[part]].response(omega) for _, part in channels], axis=1),
-        _rational(uncertainty.weight).response(omega),
+        np.stack(
+            [_rational(uncertainty.weight_of(half[0])).response(omega) for half, _ in channels],
+            axis=1,
+        ),
         performance.weight.response(omega),
     )
     owner = [0] if full else [part for _, part in channels]
@@ -254,7 +255,7 @@ def interconnection(
 ) -> NDArray[np.complex128]:
     """Return N_RP (k, 2r, 2r), SLH eq. 31, with the sign of the negative feedback.
 
-    G : (k, r, r); c : (k, r), the controllers; w_I, w_P : (k,); all complex.
+    G : (k, r, r); c : (k, r), the controllers; w_I : (k, r); w_P : (k,); all complex.
     """
     size = G.shape[1]
     identity = np.eye(size)
@@ -262,7 +263,7 @@ def interconnection(
     CS = np.linalg.inv(identity / c[:, None, :] + G)
     S = CS / c[:, :, None]
     right = np.concatenate([G, np.broadcast_to(identity, G.shape)], axis=2)
-    left = np.concatenate([-w_I[:, None, None] * CS, w_P[:, None, None] * S], axis=1)
+    left = np.concatenate([-w_I[:, :, None] * CS, w_P[:, None, None] * S], axis=1)
     product: NDArray[np.complex128] = left @ right
     return product
 
@@ -286,11 +287,15 @@ def _diagonal(
     units: Sequence[tuple[int, ...]],
     deltas: NDArray[np.complex128],
     omega: float,
-    weight: TransferFunction,
+    uncertainty: Uncertainty,
 ) -> DiagonalPerturbation:
     entries = tuple(_entry(part, delta, omega) for part, delta in zip(units, deltas, strict=True))
     return DiagonalPerturbation(
-        entries, tuple(_actuator(weight, entry.transfer) for entry in entries)
+        entries,
+        tuple(
+            _actuator(_rational(uncertainty.weight_of(entry.units[0])), entry.transfer)
+            for entry in entries
+        ),
     )
 
 

@@ -64,14 +64,14 @@ def worst_actuators(
     require_weights(plant, uncertainty, performance)
     if not is_stable(plant, loops):
         raise InvalidInputError(_UNSTABLE, "/loops")
-    blocks, controllers = group_loops(plant, loops, uncertainty.structure, performance.output_scale)
+    blocks, controllers = group_loops(plant, loops, uncertainty, performance.output_scale)
     analysis = LoopAnalysis(blocks, controllers, uncertainty, performance)
     mu = analysis.robust_performance(analysis.omega)
     omega = analysis.omega[[np.flatnonzero(mu >= (1 - _ACTIVE) * mu.max())[-1]]]
     worst = worst_case(
         blocks, controllers, uncertainty, performance, omega=omega, scales=analysis.scales(omega)
     )
-    return _actuators(worst, plant.n, uncertainty.weight)
+    return _actuators(worst, plant.n, uncertainty)
 
 
 def with_worst_actuators(
@@ -108,7 +108,7 @@ def with_worst_actuators(
     return replace(experiment, actuators=actuators)
 
 
-def _actuators(worst: WorstCase, n: int, weight: TransferFunction) -> Actuators | None:
+def _actuators(worst: WorstCase, n: int, uncertainty: Uncertainty) -> Actuators | None:
     match worst.uncertainty:
         case DiagonalPerturbation(entries, actuators):
             of = {
@@ -119,7 +119,10 @@ def _actuators(worst: WorstCase, n: int, weight: TransferFunction) -> Actuators 
             }
             return OwnActuators(tuple(of[unit] for unit in range(n))) if len(of) == n else None
         case RankOnePerturbation(left, right):
+            if uncertainty.unlike_inputs:
+                return None
             # Only the magnitude of the weight is given, so its dead time may be left out.
+            weight = uncertainty.weight_of(0)
             without_dead_time = TransferFunction(weight.num, weight.den)
             return CoupledActuators(without_dead_time, _spread(left, n), _spread(right, n))
 

@@ -65,11 +65,11 @@ def gain_signs(plant: Plant, groups: Groups) -> tuple[float, ...]:
 def search_region(specification: Specification, groups: Groups) -> Region:
     """Return the box of the parameters and where starts are drawn, controller by controller.
 
-    The crossover is the lowest frequency where |w_I| reaches 1, a dead time turns the phase by a
-    radian, or the process's own phase lag leaves nothing that a controller could make up for. Gains
-    start from a tenth of what crosses over with the plant's strongest direction anywhere, up to
-    thirty times what makes a single loop cross over there; times from a hundredth of that period to
-    ten times the slowest one.
+    The crossover is the lowest frequency where |w_I| of the loop reaches 1, a dead time turns the
+    phase by a radian, or the process's own phase lag leaves nothing that a controller could make up
+    for. Gains start from a tenth of what crosses over with the plant's strongest direction
+    anywhere, up to thirty times what makes a single loop cross over there; times from a hundredth
+    of that period to ten times the slowest one.
     """
     plant, kind = specification.plant, specification.kind
     bends = corners(plant, specification.uncertainty)
@@ -77,7 +77,11 @@ def search_region(specification: Specification, groups: Groups) -> Region:
         1e-2 * bends[0], 1e2 * bends[-1],
         math.ceil(PER_DECADE * math.log10(1e4 * bends[-1] / bends[0])),
     )  # fmt: skip
-    permitted = _permitted_crossover(specification, omega)
+    own_permitted = {
+        group[0]: max(_permitted_crossover(specification, omega, unit) for unit in group)
+        for group in groups
+    }
+    permitted = max(own_permitted.values())
     slowest = min(float(bends[0]), permitted)
     within = omega[(omega >= slowest) & (omega <= permitted)]
     strongest = max(
@@ -86,7 +90,9 @@ def search_region(specification: Specification, groups: Groups) -> Region:
     )
     low, high, start_low, start_high, given = [], [], [], [], []
     for group in groups:
-        own_crossover, own_gain = _own_crossover(specification, group[0], omega, permitted)
+        own_crossover, own_gain = _own_crossover(
+            specification, group[0], omega, own_permitted[group[0]]
+        )
         shortest, longest = 0.01 / own_crossover, 10 / min(slowest, own_crossover)
         for name in kind.parameters:
             usual = (shortest, longest)
@@ -114,9 +120,12 @@ def search_region(specification: Specification, groups: Groups) -> Region:
     )
 
 
-def _permitted_crossover(specification: Specification, omega: NDArray[np.float64]) -> float:
-    """Return the lowest frequency where |w_I| reaches 1 or a dead time turns by a radian."""
-    too_uncertain = specification.uncertainty.magnitude(omega) >= 1
+def _permitted_crossover(
+    specification: Specification, omega: NDArray[np.float64], unit: int
+) -> float:
+    """Return the lowest frequency where |w_I| of a unit reaches 1 or a dead time turns a radian."""
+    weight = specification.uncertainty.weight_of(unit)
+    too_uncertain = np.abs(weight.response(omega)) >= 1
     permitted = float(omega[too_uncertain][0]) if too_uncertain.any() else float(omega[-1]) / 10
     plant = specification.plant
     # What comes late from other units keeps no loop from being fast.

@@ -150,7 +150,7 @@ def _matrix(G: NDArray[np.complex128]) -> Impossibility | None:
 
 
 def _slowest_pole(specification: Specification) -> float:
-    poles = np.abs(specification.uncertainty.weight.poles)
+    poles = np.abs([pole for w in specification.uncertainty.weights for pole in w.poles])
     return float(poles.min()) if poles.size else 1.0
 
 

@@ -9,14 +9,24 @@ from __future__ import annotations
 import itertools
 from typing import TYPE_CHECKING
 
+from solver.model.blocks import marks
 from solver.model.errors import InvalidInputError
 from solver.model.plants import Plant
 from solver.tuning.specification import Arrangement, Specification
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Hashable, Iterator, Sequence
 
-__all__ = ["Groups", "coarser", "consecutive", "groupings", "identical_groups", "neighbours"]
+__all__ = [
+    "Groups",
+    "by_errors",
+    "coarser",
+    "consecutive",
+    "groupings",
+    "identical_groups",
+    "merged",
+    "neighbours",
+]
 
 Groups = tuple[tuple[int, ...], ...]
 
@@ -60,9 +70,32 @@ def groupings(specification: Specification) -> tuple[Groups, ...]:
     found = [identical_groups(plant)]
     if specification.interchangeable:
         found += [consecutive((size, plant.n - size)) for size in _parts(plant.n)]
-    elif plant.n <= MAX_CONTROLLERS:
-        found.append(consecutive((1,) * plant.n))
+    else:
+        unlike = (by_errors(specification), consecutive((1,) * plant.n))
+        found += [groups for groups in unlike if len(groups) <= MAX_CONTROLLERS]
     return tuple(dict.fromkeys(found))
+
+
+def by_errors(specification: Specification) -> Groups:
+    """Units of a parallel plant in groups whose inputs and outputs have equal errors.
+
+    On a matrix plant every unit is its own.
+    """
+    plant, scales = specification.plant, specification.performance.output_scale
+    if not plant.interchangeable:
+        return plant.kinds
+    mark = marks(specification.uncertainty, scales)
+    groups: dict[Hashable, list[int]] = {}
+    for unit in range(plant.n):
+        groups.setdefault(mark(unit), []).append(unit)
+    return tuple(tuple(units) for units in groups.values())
+
+
+def merged(groups: Groups, into: Groups) -> tuple[int, ...] | None:
+    """Return which group of the partition `into` holds each of the `groups`; None: not all do."""
+    owner = {unit: index for index, group in enumerate(into) for unit in group}
+    found = [{owner[unit] for unit in group} for group in groups]
+    return tuple(each.pop() for each in found) if all(len(each) == 1 for each in found) else None
 
 
 def neighbours(groups: Groups) -> tuple[Groups, ...]:

@@ -83,7 +83,7 @@ class Evaluation:
 
 @dataclass(frozen=True)
 class _Samples:
-    """What does not depend on the settings: plant, |w_I|^2, performance weight, saturation."""
+    """What does not depend on the settings: plant, |w_I|^2 of each row, the rest per frequency."""
 
     omega: NDArray[np.float64]
     G: NDArray[np.complex128]
@@ -168,7 +168,7 @@ class LoopObjective:
         return _Samples(
             omega,
             self.blocks.packed(omega),
-            self.uncertainty.magnitude(omega) ** 2 / self.goal.target**2,
+            self.uncertainty.squared(omega, self.blocks.units) / self.goal.target**2,
             self.goal.weight(omega),
             self.goal.saturated(omega, self.penalty),
         )

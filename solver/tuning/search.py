@@ -125,9 +125,7 @@ class GroupingSearch:
         self.groups = groups = freedom.groups
         self.checkpoint = checkpoint
         plant, uncertainty = specification.plant, specification.uncertainty
-        self.blocks = reduce(
-            plant, groups, uncertainty.structure, specification.performance.output_scale
-        )
+        self.blocks = reduce(plant, groups, uncertainty, specification.performance.output_scale)
         self.region = search_region(specification, groups)
         self.box = self.region.box
         demands = specification.demands

@@ -18,7 +18,7 @@ from solver.model.controllers import DERIVATIVE_FILTER
 from solver.model.frequencies import corners
 from solver.tuning.bounds import gain_signs
 from solver.tuning.demands import Demands
-from solver.tuning.groupings import coarser
+from solver.tuning.groupings import by_errors, coarser, merged
 from solver.tuning.search import Freedom, GroupingSearch
 
 if TYPE_CHECKING:
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from solver.model.controllers import Controller
     from solver.tuning.clock import Clock
     from solver.tuning.exact import Candidate
+    from solver.tuning.groupings import Groups
     from solver.tuning.specification import Specification
 
 __all__ = ["Solution", "Solutions"]
@@ -208,14 +209,20 @@ class Solutions:
 
     def _tied(self, freedom: Freedom) -> Iterator[tuple[Freedom, tuple[int, ...]]]:
         """Yield searches in which more loops share settings, and which group each group is in."""
-        for merged, owner in coarser(freedom.groups) if self._interchangeable else ():
-            signs = tuple(freedom.signs[owner.index(part)] for part in range(len(merged)))
+        for groups, owner in self._coarser(freedom.groups):
+            signs = tuple(freedom.signs[owner.index(part)] for part in range(len(groups)))
             if all(signs[part] == sign for part, sign in zip(owner, freedom.signs, strict=True)):
-                yield replace(freedom, groups=merged, signs=signs), owner
+                yield replace(freedom, groups=groups, signs=signs), owner
 
-    @property
-    def _interchangeable(self) -> bool:
-        return self.specification.interchangeable
+    def _coarser(self, groups: Groups) -> Iterable[tuple[Groups, tuple[int, ...]]]:
+        if self.specification.interchangeable:
+            return coarser(groups)
+        if not self.specification.plant.interchangeable:
+            return ()
+        # Units that differ in their errors alone: all alike, and those with equal errors.
+        wider = [(tuple(range(self.specification.plant.n)),), by_errors(self.specification)]
+        pairs = [(into, merged(groups, into)) for into in dict.fromkeys(wider) if into != groups]
+        return [(into, owner) for into, owner in pairs if owner and len(into) < len(groups)]
 
     def _with_filters(self, tied: Solution) -> list[NDArray[np.float64]]:
         """Return settings with a free filter time that are, or nearly, those without one."""

@@ -200,8 +200,9 @@ class Specification:
 
     @property
     def interchangeable(self) -> bool:
-        """Whether units may change places: those of a parallel plant, unless outputs are unlike."""
-        return self.plant.interchangeable and not self.performance.unlike_outputs
+        """Whether units may change places: those of a parallel plant whose errors are alike."""
+        unlike = self.performance.unlike_outputs or self.uncertainty.unlike_inputs
+        return self.plant.interchangeable and not unlike
 
     def _settle(self) -> None:
         instance(self.plant, Plant, "/plant")
@@ -285,6 +286,9 @@ class Specification:
             raise InvalidInputError(message, where)
         if self.objective is not Objective.TAU_P:
             message = "the optimality gap is proven for the objective tau_p only"
+            raise InvalidInputError(message, where)
+        if self.uncertainty.unlike_inputs:
+            message = "the optimality gap is proven for inputs of one uncertainty only"
             raise InvalidInputError(message, where)
         different = {
             Arrangement.IDENTICAL: 1,

@@ -77,6 +77,8 @@ def test_given_frequencies_are_those_of_the_curves(client: httpx.Client) -> None
         ("/omega", [0.0], "/omega/0"),
         ("/omega", [1.0, 2.0, 2.0], "/omega/2"),
         ("/omega", [], "/omega"),
+        ("/uncertainty/epsilon", [0.2, 0.1, 0.1], "/uncertainty/epsilon"),
+        ("/uncertainty/theta", [1.0], "/uncertainty/theta"),
     ],
 )
 def test_fault_is_named_by_its_pointer(
@@ -86,6 +88,19 @@ def test_fault_is_named_by_its_pointer(
     response = client.post(PATH, json=altered(ROBUSTNESS, pointer, value))
     assert response.status_code == 422
     assert response.json()["errors"][0]["pointer"] == blamed
+
+
+def test_each_input_may_have_its_own_uncertainty(client: httpx.Client) -> None:
+    """Lists of errors, one an input; equal entries are one for all."""
+
+    def peak(epsilon: object) -> float:
+        request = altered(ROBUSTNESS, "/uncertainty/epsilon", epsilon)
+        answer = client.post(PATH, json=request)
+        assert answer.status_code == 200
+        return float(answer.json()["peaks"]["robust_performance"]["value"])
+
+    assert peak([0.2, 0.2]) == peak(0.2)
+    assert peak([0.1, 0.1]) < peak([0.2, 0.1]) < peak(0.2)
 
 
 def test_second_method_gives_its_own_bound(client: httpx.Client) -> None:

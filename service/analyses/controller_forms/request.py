@@ -200,7 +200,7 @@ class ControllerFormsRequest(AnalysisRequest):
             message = f"{count} loops for a plant of {plant.n} units"
             raise InvalidInputError(message, "/loops")
         with below("/uncertainty"):
-            uncertainty = self.uncertainty.build() if self.uncertainty else None
+            uncertainty = self.uncertainty.build(plant.n) if self.uncertainty else None
         with below("/performance"):
             performance = self.performance.build() if self.performance else None
         if performance is None or performance.tau_p is None:

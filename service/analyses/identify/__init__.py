@@ -76,7 +76,7 @@ def identified(task: IdentificationTask) -> dict[str, Any]:
     return {
         "plant": plant_document(found.plant),
         "uncertainty": {
-            "weight": function_document(cover.weight.weight),
+            "weight": function_document(cover.weight.weight_of(0)),
             "structure": cover.weight.structure.value,
         },
         "epsilon": cover.epsilon,

@@ -83,7 +83,7 @@ def mu_over(
     loops: tuple[Controller, ...],
 ) -> NDArray[np.float64]:
     """Return the upper bound of mu at the frequencies `omega`, (k,)."""
-    blocks, controllers = group_loops(plant, loops, uncertainty.structure)
+    blocks, controllers = group_loops(plant, loops, uncertainty)
     analysis = LoopAnalysis(blocks, controllers, uncertainty, performance)
     return analysis.robust_performance(omega)
 

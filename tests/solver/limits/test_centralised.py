@@ -94,7 +94,7 @@ def test_mu_of_a_full_controller_is_that_of_ab13md() -> None:
         np.diag([0.0, 0.0, -1.0]), rng.normal(size=(3, 2)), rng.normal(size=(2, 3)), np.eye(2)
     )
     analysis = CentralisedAnalysis(
-        central_blocks(COLUMN, Structure.DIAGONAL),
+        central_blocks(COLUMN, UNCERTAINTY),
         (controller,),
         UNCERTAINTY,
         Performance(tau_p=10.0),

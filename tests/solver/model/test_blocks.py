@@ -35,7 +35,7 @@ def test_reduction_equals_the_unreduced_bound(sizes, structure):
     kinds = (Controller(10, 40), Controller(6, 9), Controller(14, 25, 0.4))
     loops = [kind for kind, size in zip(kinds, sizes, strict=False) for _ in range(size)]
     uncertainty, performance = Uncertainty.from_error(0.2, 1, structure), Performance(tau_p=20)
-    blocks, controllers = group_loops(plant, loops, structure)
+    blocks, controllers = group_loops(plant, loops, uncertainty)
     reduced = LoopAnalysis(blocks, controllers, uncertainty, performance).robust_performance(OMEGA)
     scales = (0,) * 6 if structure is Structure.FULL else tuple(range(6))
     N = unreduced(plant, loops, uncertainty, performance)

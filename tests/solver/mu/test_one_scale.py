@@ -5,7 +5,7 @@ import pytest
 
 from solver.model.blocks import reduce
 from solver.model.plants import first_order
-from solver.model.weights import Performance, Structure, Uncertainty
+from solver.model.weights import Performance, Uncertainty
 from solver.mu.kernel import FINE
 from solver.mu.scaling import sweep, upper_bound
 from solver.mu.structure import BlockStructure
@@ -16,10 +16,10 @@ UNCERTAINTY = Uncertainty.from_error(0.2, 1)
 
 def levels(plant, k, tau_I, *, all_free):
     """Log levels of identical PI loops, their slopes in c, and the weight |w_P|^2 used."""
-    blocks = reduce(plant, (tuple(range(plant.n)),), Structure.DIAGONAL)
+    blocks = reduce(plant, (tuple(range(plant.n)),))
     c = (k * (1 + 1 / (1j * OMEGA * tau_I)))[:, None]
     b = Performance(tau_p=30).magnitude(OMEGA) ** 2 if all_free else np.ones_like(OMEGA)
-    u = UNCERTAINTY.magnitude(OMEGA) ** 2
+    u = UNCERTAINTY.squared(OMEGA, blocks.units)
     y = np.zeros((OMEGA.size, blocks.n_scales))
     G = blocks.packed(OMEGA)
     t, slope, _ = sweep(G, c, u, b, blocks.layout, all_free=all_free, nu=FINE, cold=True, y=y)

@@ -43,26 +43,36 @@ def test_exp_and_log_are_right_to_the_last_places(exponents, numbers):
 
 @st.composite
 def loops(draw):
-    """G, c, |w_I|^2 and layout of a loop with two different controllers."""
+    """Blocks, c and |w_I|^2 of a loop with two different controllers."""
     structure = draw(st.sampled_from(list(Structure)))
-    if draw(st.integers(0, 3)) == 0:
-        blocks = reduce(COLUMN, ((0,), (1,)), structure)
+    n = draw(st.integers(2, 40))
+    column = draw(st.integers(0, 3)) == 0
+    errors, speeds = draw(
+        st.tuples(
+            st.lists(st.floats(0.05, 0.9), min_size=2, max_size=2),
+            st.lists(st.floats(-1, 1), min_size=2, max_size=2),
+        )
+    )
+    first = 1 if column else draw(st.integers(1, n - 1))
+    each = [0] * first + [1] * ((2 if column else n) - first)
+    u = Uncertainty.from_error(
+        [errors[i] for i in each], [10 ** speeds[i] for i in each], structure
+    )
+    if column:
+        blocks = reduce(COLUMN, ((0,), (1,)), u)
     else:
-        n = draw(st.integers(2, 40))
         plant = first_order(
             n, draw(st.sampled_from([1.0, -2.0])), draw(st.floats(1, 100)),
             draw(interactions(-0.99 / (n - 1), 0.99)), draw(st.sampled_from([0.0, 1.5])),
         )  # fmt: skip
-        first = draw(st.integers(1, n - 1))
-        blocks = reduce(plant, (tuple(range(first)), tuple(range(first, n))), structure)
+        blocks = reduce(plant, (tuple(range(first)), tuple(range(first, n))), u)
     sign = np.sign(blocks.plant.element(0, 0).static_gain)
     controllers = [
         Controller(sign * 10 ** draw(st.floats(-1, 2)), 10 ** draw(st.floats(0, 2)))
         for _ in range(2)
     ]
     c = np.stack([controller.response(OMEGA) for controller in controllers], axis=1)
-    u = Uncertainty.from_error(draw(st.floats(0.05, 0.9)), 10 ** draw(st.floats(-1, 1)))
-    return blocks, c, u.magnitude(OMEGA) ** 2
+    return blocks, c, u.squared(OMEGA, blocks.units)
 
 
 @settings(max_examples=100, deadline=None)
@@ -105,7 +115,7 @@ def test_any_number_of_frequencies(count):
     )
     omega = np.geomspace(1e-3, 1, count)
     c = np.stack([controller.response(omega) for controller in controllers], axis=1)
-    G, u = blocks.packed(omega), Uncertainty.from_error(0.2, 1).magnitude(omega) ** 2
+    G, u = blocks.packed(omega), Uncertainty.from_error(0.2, 1).squared(omega, blocks.units)
     b = np.ones(count)
     y, alone = np.zeros((count, 2)), np.zeros((count, 2))
     t, slope, _ = sweep(G, c, u, b, blocks.layout, all_free=False, nu=FINE, cold=True, y=y)
@@ -125,7 +135,7 @@ def test_level_is_the_norm_at_its_scales():
     blocks, controllers = group_loops(first_order(2, 1, 100, 0.9), loops)
     uncertainty, performance = Uncertainty.from_error(0.2, 1), Performance(tau_p=25)
     c = np.stack([controller.response(OMEGA) for controller in controllers], axis=1)
-    u, b = (weight.magnitude(OMEGA) ** 2 for weight in (uncertainty, performance))
+    u, b = uncertainty.squared(OMEGA, blocks.units), performance.magnitude(OMEGA) ** 2
     y = np.zeros((OMEGA.size, 2))
     G = blocks.packed(OMEGA)
     t, _, _ = sweep(G, c, u, b, blocks.layout, all_free=True, nu=FINE, cold=True, y=y)
@@ -137,7 +147,7 @@ def test_level_is_the_norm_at_its_scales():
 @compiled
 def solved_side_by_side(G, c, u, layout):
     """Which frequencies are solved without the kernel's help, the level being skewed."""
-    count, blocks = u.size, layout.first.size - 1
+    count, blocks = u.shape[0], layout.first.size - 1
     done, all_free, cold = np.zeros(count, np.bool_), False, True
     sweep_side_by_side(
         G, c, u, np.ones(count), layout, all_free, FINE, cold, np.zeros((count, 2)),
@@ -153,6 +163,6 @@ def test_most_frequencies_need_no_help():
         first_order(2, 1, 100, 0.949), [Controller(47, 100), Controller(19, 2.4)]
     )
     c = np.stack([controller.response(OMEGA) for controller in controllers], axis=1)
-    u = Uncertainty.from_error(0.2, 1).magnitude(OMEGA) ** 2
+    u = Uncertainty.from_error(0.2, 1).squared(OMEGA, blocks.units)
     done = solved_side_by_side(blocks.packed(OMEGA), c, u, blocks.layout)
     assert done.mean() > 0.8

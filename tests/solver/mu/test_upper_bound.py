@@ -50,7 +50,7 @@ def test_fast_path_equals_the_sdp_and_slicot(problem):
 @pytest.mark.parametrize("case", ZOO, ids=str)
 def test_fast_path_equals_the_sdp_on_the_zoo(case):
     """On every plant's N_RP, from 1e-6 to 1e6 rad, the two bounds agree to 1e-6."""
-    blocks, controllers = group_loops(case.plant, case.loops, case.uncertainty.structure)
+    blocks, controllers = group_loops(case.plant, case.loops, case.uncertainty)
     analysis = LoopAnalysis(blocks, controllers, case.uncertainty, case.performance)
     for block, N in zip(blocks.blocks, analysis.matrices(EXTREMES), strict=True):
         used = sorted(set(block.scales))

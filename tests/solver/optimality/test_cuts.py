@@ -47,7 +47,7 @@ def loops(draw):
     uncertainty = Uncertainty.from_error(0.2, 1, structure)
     signs = np.array([math.copysign(1, plant.element(g[0], g[0]).static_gain) for g in groups])
     return LoopObjective(
-        reduce(plant, groups, structure), uncertainty, TauGoal(demand), ControllerKind.PI, signs,
+        reduce(plant, groups, uncertainty), uncertainty, TauGoal(demand), ControllerKind.PI, signs,
         OMEGA,
     )  # fmt: skip
 
@@ -62,7 +62,8 @@ def cut_at(objective, theta):
     G, u = blocks.packed(omega), objective.uncertainty.magnitude(omega) ** 2
     demanded = np.exp(np.clip(objective.levels(theta, omega), -10, 20))
     y = np.zeros((omega.size, blocks.n_scales))
-    sweep(G, c, u, demanded, blocks.layout, all_free=True, nu=NU, cold=True, y=y)
+    rows = objective.uncertainty.squared(omega, blocks.units)
+    sweep(G, c, rows, demanded, blocks.layout, all_free=True, nu=NU, cold=True, y=y)
     return cuts(c, G, u, demanded, blocks.layout, np.exp(y)), c, G
 
 
@@ -106,8 +107,9 @@ def test_a_cut_holds_for_all_settings(objective, here, there):
 @pytest.mark.parametrize("structure", list(Structure))
 def test_a_cut_is_sharp_where_it_is_made(groups, loops, structure):
     """At its own settings its right side is the level, also where eigenvalues meet."""
+    uncertainty = Uncertainty.from_error(0.2, 1, structure)
     objective = LoopObjective(
-        reduce(SLH, groups, structure), Uncertainty.from_error(0.2, 1, structure),
+        reduce(SLH, groups, uncertainty), uncertainty,
         TauGoal(Performance()), ControllerKind.PI, np.ones(len(groups)), OMEGA,
     )  # fmt: skip
     theta = np.log(loops)

@@ -92,9 +92,7 @@ def test_each_class_is_the_analysis_of_its_own_plant(name: str) -> None:
         if not each.nominally_stable:
             assert each.robust_performance is None
             continue
-        analysis = LoopAnalysis(
-            *group_loops(*system, uncertainty.structure), uncertainty, performance
-        )
+        analysis = LoopAnalysis(*group_loops(*system, uncertainty), uncertainty, performance)
         for peak, curve in (
             (each.robust_performance, analysis.robust_performance),
             (each.robust_stability, analysis.robust_stability),

@@ -103,9 +103,7 @@ def test_nominal_performance_is_the_norm_of_the_scaled_sensitivity() -> None:
     errors = (1.0, 5.0, 5.0, 0.2)
     loops = (Controller(1.5, 9.0),) * 3 + (Controller(0.5, 9.0),)
     demand = Performance(tau_p=15.0, output_scale=errors)
-    analysis = LoopAnalysis(
-        *group_loops(four(), loops, UNCERTAINTY.structure, errors), UNCERTAINTY, demand
-    )
+    analysis = LoopAnalysis(*group_loops(four(), loops, UNCERTAINTY, errors), UNCERTAINTY, demand)
     assert [block.multiplicity for block in analysis.blocks.blocks] == [1, 1]
     omega = np.geomspace(1e-3, 10, 20)
     C = np.stack([loop.response(omega) for loop in loops], axis=1)

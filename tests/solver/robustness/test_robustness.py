@@ -60,7 +60,7 @@ def test_unstable_loops_have_no_peaks():
 @pytest.mark.parametrize("case", ZOO, ids=str)
 def test_peaks_hold_on_a_grid_twenty_times_finer(case):
     """No point of a much finer grid exceeds the reported peak by more than 1e-6."""
-    blocks, controllers = group_loops(case.plant, case.loops, case.uncertainty.structure)
+    blocks, controllers = group_loops(case.plant, case.loops, case.uncertainty)
     analysis = LoopAnalysis(blocks, controllers, case.uncertainty, case.performance)
     result = analyse(case.plant, case.uncertainty, case.performance, case.loops)
     fine = np.geomspace(analysis.omega[0], analysis.omega[-1], 20 * analysis.omega.size)

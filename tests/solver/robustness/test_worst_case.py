@@ -81,7 +81,7 @@ def loop_of(
     plant: Plant, loops: tuple[Controller, ...], uncertainty: Uncertainty, tau_p: float
 ) -> LoopAnalysis:
     """The analysis of a case."""
-    blocks, controllers = group_loops(plant, loops, uncertainty.structure)
+    blocks, controllers = group_loops(plant, loops, uncertainty)
     return LoopAnalysis(blocks, controllers, uncertainty, Performance(tau_p=tau_p))
 
 

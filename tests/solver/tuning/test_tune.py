@@ -33,7 +33,7 @@ def assert_proven(result, plant, uncertainty=USUAL, **demand):
     """The settings are stable and keep mu <= 1 + 1e-6 on a grid twenty times finer."""
     assert result.status is Status.OPTIMAL
     assert is_stable(plant, result.loops)
-    blocks, controllers = group_loops(plant, result.loops, uncertainty.structure)
+    blocks, controllers = group_loops(plant, result.loops, uncertainty)
     performance = Performance(tau_p=result.tau_p, **demand)
     analysis = LoopAnalysis(blocks, controllers, uncertainty, performance)
     fine = np.geomspace(analysis.omega[0] / 10, 10 * analysis.omega[-1], 20 * analysis.omega.size)
