@@ -230,16 +230,18 @@ def _band(runs: Sequence[Response]) -> Band | None:
 def _plants_of_the_set(tuned: RequestedTuning) -> Iterator[Actuators]:
     """Yield actuators within the uncertainty: all up, all down, in turns, and the worst."""
     n = tuned.plant.n
-    weight = tuned.uncertainty.weight
-    # 1 + w and 1 - w: Delta_I = I and -I; only the magnitude of w is given, so no dead time.
-    num, den = np.array(weight.num), np.array(weight.den)
-    one = {
-        sign: TransferFunction(tuple(np.polyadd(den, sign * num)), weight.den) for sign in (1, -1)
-    }
-    yield OwnActuators((one[1],) * n)
-    yield OwnActuators((one[-1],) * n)
+
+    def off(unit: int, sign: int) -> TransferFunction:
+        # 1 + w and 1 - w: Delta_I = I and -I; only the magnitude of w is given, so no dead time.
+        weight = tuned.uncertainty.weight_of(unit)
+        return TransferFunction(
+            tuple(np.polyadd(weight.den, sign * np.array(weight.num))), weight.den
+        )
+
+    yield OwnActuators(tuple(off(unit, 1) for unit in range(n)))
+    yield OwnActuators(tuple(off(unit, -1) for unit in range(n)))
     if n > 1:
-        yield OwnActuators(tuple(one[1 if unit % 2 == 0 else -1] for unit in range(n)))
+        yield OwnActuators(tuple(off(unit, 1 if unit % 2 == 0 else -1) for unit in range(n)))
     try:
         worst = worst_actuators(tuned.plant, tuned.loops, tuned.uncertainty, tuned.performance)
     except InvalidInputError:

@@ -110,7 +110,7 @@ def _manual(tuned: RequestedTuning) -> Iterator[Said]:
     plant, loops = tuned.plant, tuned.loops
     if plant.n == 1:
         return
-    kinds = interchangeable(plant, loops, tuned.performance.output_scale)
+    kinds = interchangeable(plant, loops, tuned.uncertainty, tuned.performance.output_scale)
     for kind in kinds[:SHOWN]:
         rest = [unit for unit in range(plant.n) if unit != kind[0]]
         name = loops_name(tuned, kind)
