@@ -221,7 +221,7 @@ def prove(
     What takes much longer than the result that it goes with is given up: `certify` goes on.
     """
     claim = Claim(plant, uncertainty, performance, tuple(loops), level)
-    size = len(settings_of(plant, claim.loops, performance.output_scale))
+    size = len(settings_of(plant, claim.loops, uncertainty, performance.output_scale))
     outcome = certify(claim, interrupt, min(MAX_ATTEMPTS, BESIDE_A_RESULT // size**2))
     if isinstance(outcome, Certificate):
         return outcome, []
