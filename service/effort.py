@@ -62,7 +62,7 @@ def different_loops(
     proof: bool = False,
 ) -> Effort:
     """Return what mu of given loops costs, with a certificate where one is wanted."""
-    blocks, _ = group_loops(plant, loops, uncertainty.structure, performance.output_scale)
+    blocks, _ = group_loops(plant, loops, uncertainty, performance.output_scale)
     return of_different_loops(blocks.n_controllers, proof=proof)
 
 
