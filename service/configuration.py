@@ -89,6 +89,11 @@ class Configuration(BaseSettings):
     max_queued: int = Field(
         default=100_000, ge=1, description="Jobs that one caller may have in the queue."
     )
+    max_running: int | None = Field(
+        default=None,
+        ge=1,
+        description="Jobs of one caller that run at once; unset: as many as there are workers.",
+    )
     max_time_limit: float = Field(
         default=3600.0, gt=0, description="Longest time limit of a job, seconds."
     )

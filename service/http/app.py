@@ -155,7 +155,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
 
         transactions = Transactions(connections)
         store = app.state.store = Store(transactions, configuration.max_queued)
-        queue = Queue(transactions)
+        queue = Queue(transactions, configuration.max_running)
         watcher = app.state.watcher = Watcher(store)
         app.state.pool = Pool(
             configuration.analysis_processes,

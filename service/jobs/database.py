@@ -116,8 +116,8 @@ def _begin_sqlite(connection: Connection) -> None:
     connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")
 
 
-def migrate(engine: Engine) -> None:
-    """Bring the schema up to date; of several processes one does it and the others wait.
+def migrate(engine: Engine, revision: str = "head") -> None:
+    """Bring the schema to a revision; of several processes one does it and the others wait.
 
     Raises
     ------
@@ -126,7 +126,7 @@ def migrate(engine: Engine) -> None:
 
     """
     try:
-        _migrate(engine)
+        _migrate(engine, revision)
     except OperationalError as error:
         if engine.dialect.name == "postgresql":
             message = f"the database does not answer: {_first_line(error)}"
@@ -142,7 +142,7 @@ def _first_line(error: DBAPIError) -> str:
     return str(error.orig).strip().partition("\n")[0]
 
 
-def _migrate(engine: Engine) -> None:
+def _migrate(engine: Engine, revision: str) -> None:
     config = Config()
     config.set_main_option("script_location", str(_MIGRATIONS))
     known = {script.revision for script in ScriptDirectory.from_config(config).walk_revisions()}
@@ -159,7 +159,7 @@ def _migrate(engine: Engine) -> None:
             )
             raise DatabaseNewerError(message)
         config.attributes["connection"] = connection
-        command.upgrade(config, "head")
+        command.upgrade(config, revision)
 
 
 @contextmanager

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from service.jobs.engine import Engine, EngineLostError, WorkerLostError
 from service.jobs.queue import Queue
-from service.jobs.records import Dispatch, Ended, JobStatus, Outcome, Priority, TakenJob
+from service.jobs.records import Dispatch, Ended, JobStatus, Outcome, TakenJob
 from service.jobs.transactions import StoreUnavailableError
 from service.jobs.watch import Watcher
 from service.problems import WorkerDiedError, describe
@@ -22,7 +22,7 @@ __all__ = ["Dispatcher"]
 _POLL = 0.25  # seconds: how late a request of another process is seen
 _RETRY = 1.0  # seconds between tries to write to a database that does not answer
 _DRAIN = 10.0  # seconds for the running jobs to stop at shutdown
-_PATIENCE = 0.25  # seconds that an interactive job waits before one of a batch makes room for it
+_PATIENCE = 0.25  # seconds that a job waits before another one makes room for it
 
 logger = logging.getLogger(__name__)
 
@@ -33,6 +33,11 @@ class _RunningJob:
 
     claim: TakenJob
     task: asyncio.Task[None] | None = None
+
+    @property
+    def stopping(self) -> bool:
+        """Whether it has been told to stop."""
+        return self.task is not None and bool(self.task.cancelling())
 
     def stop(self) -> None:
         """Cancel once: a second time would interrupt the stopping itself."""
@@ -102,24 +107,30 @@ class Dispatcher:
         progress, self._progress = self._progress, {}
         runs = {run.claim.id: run for run in self._runs}
         idle = max(self._engine.workers - len(self._runs), 0)
-        dispatch = await self._exchange(progress, list(runs), idle)
+        dispatch = await self._exchange(progress, list(runs.values()), idle)
         for claim in dispatch.claims:
             self._begin(claim)
         for job_id in dispatch.cancelled:
             runs[job_id].stop()
-        if dispatch.waiting:
-            self._make_room(dispatch.waiting)
+        for claim in dispatch.displaced:  # back into the queue: others have waited
+            runs[claim.id].stop()
         if progress:
             self._watcher.poke()
 
     async def _exchange(
-        self, progress: dict[str, tuple[float, float | None]], running: list[str], idle: int
+        self, progress: dict[str, tuple[float, float | None]], runs: list[_RunningJob], idle: int
     ) -> Dispatch:
         """Exchange with the queue; what could not be written stays for the next time."""
         ended, self._ended = self._ended, []
         try:
             dispatch = await asyncio.to_thread(
-                self._queue.exchange, ended, progress, running, idle, _PATIENCE
+                self._queue.exchange,
+                ended,
+                progress,
+                [run.claim for run in runs],
+                idle,
+                patience=_PATIENCE,
+                stopping=frozenset(run.claim.id for run in runs if run.stopping),
             )
         except BaseException:
             self._ended = ended + self._ended
@@ -134,13 +145,6 @@ class Dispatcher:
         run = _RunningJob(claim)
         self._runs.add(run)
         run.task = asyncio.create_task(self._run(run))
-
-    def _make_room(self, waiting: int) -> None:
-        """Put the youngest jobs of batches back for interactive ones that have waited."""
-        of_batch = [run for run in self._runs if run.claim.priority is Priority.BATCH]
-        of_batch.sort(key=lambda run: run.claim.started_at, reverse=True)
-        for run in of_batch[:waiting]:
-            run.stop()
 
     async def _run(self, run: _RunningJob) -> None:
         claim = run.claim

@@ -51,7 +51,7 @@ class JobRow(Base):
     __tablename__ = "jobs"
     __table_args__ = (
         UniqueConstraint("owner", "idempotency_key"),
-        Index("jobs_by_turn", "status", "priority", "sequence"),
+        Index("jobs_by_share", "status", "owner", "priority", "sequence"),
         Index("jobs_by_owner", "owner", "sequence"),
         Index("jobs_by_state", "owner", "status"),
         Index("jobs_by_end", "finished_at"),

@@ -7,14 +7,18 @@ nothing.
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import AbstractContextManager
+from typing import Any
 
 from sqlalchemy import (
     ColumnElement,
     Connection,
     Integer,
+    Select,
     bindparam,
     case,
     delete,
@@ -25,20 +29,44 @@ from sqlalchemy import (
 )
 
 from service.jobs.models import BatchRow, JobRow
-from service.jobs.records import FINAL, UNFINISHED, Dispatch, Ended, JobStatus, Priority, TakenJob
+from service.jobs.records import (
+    FINAL,
+    UNFINISHED,
+    Dispatch,
+    Ended,
+    JobStatus,
+    Priority,
+    TakenJob,
+    Waiting,
+)
+from service.jobs.shares import to_begin, to_stop
 from service.jobs.transactions import Transactions
 
 __all__ = ["Queue"]
 
 
 # Statements are built once: building costs several times as much as executing.
-_NEXT = (
-    select(JobRow.id, JobRow.request, JobRow.time_limit, JobRow.attempts, JobRow.priority)
-    .where(JobRow.status == JobStatus.QUEUED)
-    .order_by(JobRow.priority, JobRow.sequence)
-    .limit(bindparam("idle", type_=Integer))
-    .with_for_update(skip_locked=True)
+_QUEUED = select(func.min(JobRow.owner)).where(JobRow.status == JobStatus.QUEUED)
+_FIRST = select(_QUEUED.scalar_subquery().label("owner")).cte("callers", recursive=True)
+# From one caller to the next by the index, however many jobs each has in the queue.
+_CALLERS = select(
+    _FIRST.union_all(
+        select(_QUEUED.where(JobRow.owner > _FIRST.c.owner).scalar_subquery()).where(
+            _FIRST.c.owner.is_not(None)
+        )
+    ).c.owner
 )
+_NEXT = (
+    select(JobRow.id, JobRow.owner, JobRow.priority, JobRow.sequence)
+    .where(JobRow.status == JobStatus.QUEUED, JobRow.owner == bindparam("caller"))
+    .where(JobRow.created_at < bindparam("before"))
+    .order_by(JobRow.priority, JobRow.sequence)
+    .limit(bindparam("most", type_=Integer))
+)
+_NEXT_TO_BEGIN = _NEXT.with_for_update(skip_locked=True)
+_TAKEN = select(
+    JobRow.id, JobRow.request, JobRow.time_limit, JobRow.attempts, JobRow.priority, JobRow.owner
+).where(JobRow.id.in_(bindparam("jobs", expanding=True)))
 _START = (
     update(JobRow)
     .where(JobRow.id == bindparam("job"))
@@ -51,12 +79,6 @@ _PROGRESS = (
 )
 _WANTED = select(JobRow.id).where(
     JobRow.id.in_(bindparam("jobs", expanding=True)), JobRow.cancel_requested.is_(False)
-)
-_WAITING = (
-    select(func.count())
-    .select_from(JobRow)
-    .where(JobRow.status == JobStatus.QUEUED)
-    .where(JobRow.priority == Priority.INTERACTIVE, JobRow.created_at < bindparam("before"))
 )
 _END = (
     update(JobRow)
@@ -79,19 +101,24 @@ class Queue:
     ----------
     transactions : Transactions
         The database.
+    max_running : int or None
+        Jobs of one caller that may run at once; None: as many as there are workers.
 
     """
 
-    def __init__(self, transactions: Transactions) -> None:
+    def __init__(self, transactions: Transactions, max_running: int | None = None) -> None:
         self._transactions = transactions
+        self._max_running = max_running
 
     def exchange(
         self,
         ended: Sequence[Ended],
         progress: Mapping[str, tuple[float, float | None]],
-        running: Sequence[str],
+        running: Sequence[TakenJob],
         idle: int,
+        *,
         patience: float,
+        stopping: Collection[str] = (),
     ) -> Dispatch:
         """Write what happened and return what is to happen next, in one transaction.
 
@@ -101,12 +128,14 @@ class Queue:
             Jobs that ended; one that had ended before stays as it is.
         progress : mapping
             Fraction done and best value so far, by job.
-        running : sequence of str
+        running : sequence of TakenJob
             Jobs that are still running.
         idle : int
-            Jobs that may begin: interactive before batch, then oldest first.
+            Jobs that may begin, in the order of `service.jobs.shares`.
         patience : float
-            Seconds after which an interactive job counts as waiting.
+            Seconds after which others make room for a job that waits.
+        stopping : collection of str
+            Those of `running` that have been told to stop.
 
         """
         now = time.time()
@@ -120,12 +149,21 @@ class Queue:
                         for job, (fraction, best) in progress.items()
                     ],
                 )
-            kept = set(connection.scalars(_WANTED, {"jobs": running})) if running else set()
-            waiting = 0
-            if running and not idle:
-                waiting = connection.scalar(_WAITING, {"before": now - patience}) or 0
-            claims = _claim(connection, idle, now) if idle else []
-        return Dispatch(claims, frozenset(running) - kept, waiting, written)
+            ids = [claim.id for claim in running]
+            kept = set(connection.scalars(_WANTED, {"jobs": ids})) if ids else set()
+            displaced: list[TakenJob] = []
+            claims: list[TakenJob] = []
+            if idle:
+                held = Counter(claim.owner for claim in running)
+                waiting = _waiting(connection, _NEXT_TO_BEGIN, math.inf, idle)
+                begun = to_begin(waiting, held, idle, self._max_running)
+                claims = _claim(connection, [job.id for job in begun], now)
+            elif running:
+                staying = [claim for claim in running if claim.id not in stopping]
+                waiting = _waiting(connection, _NEXT, now - patience, len(running))
+                leaving = len(running) - len(staying)
+                displaced = to_stop(waiting, staying, leaving, self._max_running)
+        return Dispatch(claims, frozenset(ids) - kept, displaced, written)
 
     def _transaction(
         self, ended: Sequence[Ended], *, writes: bool
@@ -205,11 +243,31 @@ def _end(connection: Connection, ended: Ended) -> bool:
     return bool(connection.execute(statement, values).rowcount)
 
 
-def _claim(connection: Connection, idle: int, now: float) -> list[TakenJob]:
-    rows = connection.execute(_NEXT, {"idle": idle}).all()
-    if rows:
-        connection.execute(_START, [{"job": row.id, "now": now} for row in rows])
+def _waiting(
+    connection: Connection, statement: Select[*tuple[Any, ...]], before: float, most: int
+) -> dict[str, list[Waiting]]:
+    """Return the next jobs of each caller that were there `before` a time."""
+    found = {}
+    for owner in connection.scalars(_CALLERS).all():
+        if owner is None:
+            continue
+        rows = connection.execute(statement, {"caller": owner, "before": before, "most": most})
+        found[owner] = [
+            Waiting(row.id, row.owner, Priority(row.priority), row.sequence) for row in rows
+        ]
+    return found
+
+
+def _claim(connection: Connection, ids: list[str], now: float) -> list[TakenJob]:
+    """Begin these jobs, which `_NEXT_TO_BEGIN` keeps from anybody else."""
+    if not ids:
+        return []
+    rows = {row.id: row for row in connection.execute(_TAKEN, {"jobs": ids})}
+    connection.execute(_START, [{"job": job, "now": now} for job in ids])
     return [
-        TakenJob(row.id, row.request, row.time_limit, row.attempts, Priority(row.priority), now)
-        for row in rows
-    ]
+        TakenJob(
+            row.id, row.request, row.time_limit, row.attempts, Priority(row.priority), now,
+            row.owner,
+        )
+        for row in (rows[job] for job in ids)
+    ]  # fmt: skip

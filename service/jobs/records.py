@@ -21,6 +21,7 @@ __all__ = [
     "Priority",
     "Snapshot",
     "TakenJob",
+    "Waiting",
 ]
 
 
@@ -113,6 +114,17 @@ class TakenJob:
     attempts: int
     priority: Priority
     started_at: float
+    owner: str = ""
+
+
+@dataclass(frozen=True)
+class Waiting:
+    """A job in the queue; `sequence` is its place."""
+
+    id: str
+    owner: str
+    priority: Priority
+    sequence: int
 
 
 @dataclass(frozen=True)
@@ -149,8 +161,8 @@ class Dispatch:
         Jobs to run next.
     cancelled : frozenset of str
         Running jobs that are to be cancelled, or that no longer exist.
-    waiting : int
-        Interactive jobs that wait for a worker.
+    displaced : list of TakenJob
+        Running jobs that make room for others that have waited.
     written : frozenset of str
         Jobs whose end counts, because they had not ended before.
 
@@ -158,7 +170,7 @@ class Dispatch:
 
     claims: list[TakenJob]
     cancelled: frozenset[str]
-    waiting: int
+    displaced: list[TakenJob]
     written: frozenset[str]
 
 

@@ -11,12 +11,12 @@ z(t) = e^(-sigma t) (z0 C + (v0 + sigma z0) S), C = cosh w t, S = sinh(w t)/w.
 
 import math
 
-from numba import njit
+from solver.compiled import compiled
 
 __all__ = ["free", "integral", "lag", "pair"]
 
 
-@njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def lag(time, at, level, b, delay, out):
     """Response of 1/(b s + 1) exp(-delay s) from rest.
 
@@ -49,7 +49,7 @@ def lag(time, at, level, b, delay, out):
         out[index] = x
 
 
-@njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def integral(time, at, level, delay, out):
     """Response of exp(-delay s)/s from rest; arguments as of `lag`."""
     x = 0.0
@@ -69,7 +69,7 @@ def integral(time, at, level, delay, out):
         out[index] = x
 
 
-@njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def _advance(z, v, a, b, t):
     """Move a z'' + b z' + z = 0 by t."""
     sigma = 0.5 * b / a
@@ -88,7 +88,7 @@ def _advance(z, v, a, b, t):
     return z * C + (v + sigma * z) * S, v * C - (sigma * v + z / a) * S
 
 
-@njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def pair(time, at, level, a, b, delay, out, slope):
     """Responses of 1 and of s over a s^2 + b s + 1, times exp(-delay s), from rest.
 
@@ -115,7 +115,7 @@ def pair(time, at, level, a, b, delay, out, slope):
         slope[index] = v
 
 
-@njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def free(time, a, b, first, second):
     """Free motions of a y'' + b y' + y = 0: from y = 1 at rest, and from y = 0 at slope 1/b."""
     for index in range(time.size):

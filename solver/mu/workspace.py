@@ -9,16 +9,17 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numba import njit
+
+import solver.compiled
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 __all__ = ["TINY", "Factors", "Workspace", "compiled", "inner", "square", "workspace"]
 
-compiled = njit(cache=True, error_model="numpy")
+compiled = solver.compiled.compiled(error_model="numpy")
 # Without reference counts, which cost more here than the arithmetic; such code allocates nothing.
-inner = njit(cache=True, error_model="numpy", _nrt=False)
+inner = solver.compiled.compiled(error_model="numpy", _nrt=False)
 
 TINY = 1e-300
 

@@ -13,7 +13,7 @@ import pytest
 from sqlalchemy import Engine, delete, event, func, select, text
 
 from service.jobs import database
-from service.jobs.models import BatchItemRow, BatchRow, JobRow
+from service.jobs.models import Base, BatchItemRow, BatchRow, JobRow
 from service.jobs.queue import Queue
 from service.jobs.records import Ended, JobStatus, NewJob, Outcome, Priority, TakenJob
 from service.jobs.store import IdempotencyConflictError, QueueFullError, Store
@@ -64,12 +64,15 @@ def job(number: int = 0) -> NewJob:
 
 def claim(queue: Queue, count: int) -> list[TakenJob]:
     """Take the next jobs."""
-    return queue.exchange([], {}, [], count, 0.0).claims
+    return queue.exchange([], {}, [], count, patience=0.0).claims
 
 
 def finish(queue: Queue, claim: TakenJob, outcome: Outcome = DONE) -> bool:
     """Write the end of a job; return whether it counts."""
-    return claim.id in queue.exchange([Ended(claim, outcome, time.time())], {}, [], 0, 0.0).written
+    return (
+        claim.id
+        in queue.exchange([Ended(claim, outcome, time.time())], {}, [], 0, patience=0.0).written
+    )
 
 
 def rows(engine: Engine) -> list[int]:
@@ -88,20 +91,26 @@ def test_migration_is_repeatable_and_safe_at_the_same_time(engine: Engine) -> No
 
 def test_results_from_before_compression_are_read(engine: Engine) -> None:
     """Rows of an earlier version keep every digit; those without a result stay without."""
-    store = Store(Transactions(engine), max_queued=10)
-    found = {text: store.submit("", NewJob(json.dumps({"text": text}), 60)).id for text in "ab"}
-    result = json.dumps({"status": "optimal", "tau_p": 18.446123456789012, "unit": "°"})
     with engine.begin() as connection:
-        connection.execute(text("ALTER TABLE jobs DROP COLUMN result"))
-        connection.execute(text("ALTER TABLE jobs ADD COLUMN result TEXT"))
-        connection.execute(
-            text("UPDATE jobs SET result = :result WHERE id = :id"),
-            {"result": result, "id": found["a"]},
-        )
-        connection.execute(text("UPDATE alembic_version SET version_num = '0003'"))
+        Base.metadata.drop_all(connection)
+        connection.execute(text("DROP TABLE alembic_version"))
+    database.migrate(engine, "0003")
+    result = json.dumps({"status": "optimal", "tau_p": 18.446123456789012, "unit": "°"})
+    row = {
+        "owner": "", "priority": 0, "status": "succeeded", "attempts": 0, "fraction": 1.0,
+        "cancel_requested": False, "created_at": 1.0, "digest": "d", "time_limit": 1.0,
+        "request": "{}",
+    }  # fmt: skip
+    found = {"a" * 32: result, "b" * 32: None}
+    with engine.begin() as connection:
+        for job_id, document in found.items():
+            values = row | {"id": job_id, "result": document}
+            names, places = ", ".join(values), ", ".join(f":{name}" for name in values)
+            insert = f"INSERT INTO jobs ({names}) VALUES ({places})"  # noqa: S608 - names of ours
+            connection.execute(text(insert), values)
     database.migrate(engine)
-    assert store.get("", found["a"]).result == result
-    assert store.get("", found["b"]).result is None
+    store = Store(Transactions(engine), max_queued=10)
+    assert {job_id: store.get("", job_id).result for job_id in found} == found
 
 
 def test_a_result_takes_half_its_text(engine: Engine, store: Store, queue: Queue) -> None:
@@ -153,9 +162,9 @@ def test_only_the_first_end_counts(store: Store, queue: Queue) -> None:
 def test_running_jobs_go_back_unless_they_are_to_be_cancelled(store: Store, queue: Queue) -> None:
     """When the dispatcher is gone its jobs are queued again; cancelled ones end."""
     kept, dropped = store.submit("", job(0)).id, store.submit("", job(1)).id
-    claim(queue, 2)
+    running = claim(queue, 2)
     store.cancel("", dropped)
-    turn = queue.exchange([], {kept: (0.5, 1.0)}, [kept, dropped], 0, 0.0)
+    turn = queue.exchange([], {kept: (0.5, 1.0)}, running, 0, patience=0.0)
     assert turn.cancelled == {dropped}
     assert store.snapshots([kept])[kept].fraction == 0.5
     queue.requeue_all()
@@ -180,14 +189,30 @@ def test_lost_workers_are_counted(store: Store, queue: Queue) -> None:
     assert attempts == [0, 1, 1, 2]
 
 
-def test_interactive_jobs_that_wait_are_counted(store: Store, queue: Queue) -> None:
-    """The dispatcher hears of interactive jobs that wait while every worker is busy."""
+def test_jobs_of_batches_make_room_for_tunings_that_have_waited(store: Store, queue: Queue) -> None:
+    """The dispatcher hears which, and not again while that one is being stopped."""
     store.submit_batch("", [job(0), job(1)])
-    (running,) = claim(queue, 1)
-    assert queue.exchange([], {}, [running.id], 0, 0.0).waiting == 0
+    running = claim(queue, 1)
+    assert queue.exchange([], {}, running, 0, patience=0.0).displaced == []
     store.submit("", job(2))
-    assert queue.exchange([], {}, [running.id], 0, 60.0).waiting == 0
-    assert queue.exchange([], {}, [running.id], 0, 0.0).waiting == 1
+    assert queue.exchange([], {}, running, 0, patience=60.0).displaced == []
+    assert queue.exchange([], {}, running, 0, patience=0.0).displaced == running
+    assert (
+        queue.exchange([], {}, running, 0, patience=0.0, stopping={running[0].id}).displaced == []
+    )
+
+
+def test_callers_take_turns(store: Store, queue: Queue) -> None:
+    """A long queue of one caller does not keep another one waiting; each queue is in its order."""
+    for number in range(20):
+        store.submit("first", job(number))
+    store.submit("second", job(30))
+    store.submit_batch("third", [job(40), job(41)])
+    taken = claim(queue, 6)
+    assert [one.owner for one in taken] == [
+        "first", "second", "third", "first", "third", "first",
+    ]  # fmt: skip
+    assert [json.loads(one.request)["number"] for one in taken] == [0, 30, 40, 1, 41, 2]
 
 
 def test_ends_and_what_was_reached_are_written(store: Store, queue: Queue) -> None:
@@ -195,7 +220,7 @@ def test_ends_and_what_was_reached_are_written(store: Store, queue: Queue) -> No
     for number in range(3):
         store.submit("", job(number))
     claims = claim(queue, 3)
-    queue.exchange([], {one.id: (0.5, 7.0) for one in claims}, [], 0, 0.0)
+    queue.exchange([], {one.id: (0.5, 7.0) for one in claims}, [], 0, patience=0.0)
     outcomes = (
         Outcome(JobStatus.SUCCEEDED, result="{}", best=1.0),
         Outcome(JobStatus.TIMED_OUT, result="{}", best=2.0),

@@ -15,6 +15,7 @@ ROOT = Path(solver.__file__).parent
 FLOORS = (
     "model",
     "hand_over",
+    "compiled",
     "mu",
     "stability",
     "certificate",
