@@ -1,6 +1,6 @@
-"""Figures over time: step responses and relay experiments.
+"""Step responses of given loops, and of tuned ones.
 
-Responses to set-point steps in the form of Skogestad, Lundstrom and Hovd (1989), figs. 8 to 10.
+Those to set-point steps in the form of Skogestad, Lundstrom and Hovd (1989), figs. 8 to 10.
 """
 
 from __future__ import annotations
@@ -9,19 +9,13 @@ import plotly.graph_objects as go
 
 from service.figures.panels import Panels
 from service.figures.style import IDENTICAL, THIN, line, time_title
-from service.schemas.drawn import (
-    DrawnDriveResponse,
-    DrawnDriveSimulation,
-    DrawnRelayExperiment,
-    DrawnStepResponse,
-    DrawnUnits,
-)
+from service.schemas.drawn import DrawnStepResponse, DrawnUnits
 from service.simulations import Case
-from service.wording import TIME_UNIT, loops_text, units_text
+from service.wording import TIME_UNIT, loops_text
 
-__all__ = ["drives", "relay", "step_response", "tuned_response"]
+__all__ = ["INPUT", "OUTPUT", "step_response", "tuned_response"]
 
-_OUTPUT, _INPUT = "output y<br>(output units)", "input u<br>(input units)"
+OUTPUT, INPUT = "output y<br>(output units)", "input u<br>(input units)"
 
 
 def step_response(result: DrawnStepResponse, unit: str = TIME_UNIT) -> go.Figure:
@@ -34,8 +28,8 @@ def step_response(result: DrawnStepResponse, unit: str = TIME_UNIT) -> go.Figure
     _add(panels, result, "output", 1, numbered)
     _add(panels, result, "input", 2, numbered)
     panels.shared_x(time_title(unit))
-    panels.y(1, _OUTPUT)
-    panels.y(2, _INPUT)
+    panels.y(1, OUTPUT)
+    panels.y(2, INPUT)
     return panels.figure()
 
 
@@ -61,54 +55,6 @@ def tuned_response(title: str, description: str, case: Case, unit: str = TIME_UN
     panels.y(1, "y, nominal<br>(output units)")
     panels.y(last, "u, nominal<br>(input units)")
     return panels.figure()
-
-
-def relay(result: DrawnRelayExperiment, unit: str = TIME_UNIT) -> go.Figure:
-    """Return outputs and inputs of a relay experiment."""
-    count = len(result.switchings)
-    panels = Panels(
-        "Relay experiment",
-        f"Outputs above, inputs below; the relay switched {count} time{'s' * (count != 1)}.",
-        rows=2,
-        height=480,
-    )
-    for row, signals in ((1, result.outputs), (2, result.inputs)):
-        for index, (units, values) in enumerate(zip(result.units, signals, strict=False)):
-            name = f"unit{'s' * (len(units) > 1)} {units_text(units)}"
-            panels.curve(result.time, values, name, line(index), row=row)
-    panels.shared_x(time_title(unit))
-    panels.y(1, _OUTPUT)
-    panels.y(2, _INPUT)
-    return panels.figure()
-
-
-def drives(simulation: DrawnDriveSimulation, unit: str = TIME_UNIT) -> go.Figure:
-    """Return the common output of units on one load, and their efforts: as they are, and mended."""
-    mended = simulation.mended
-    panels = Panels(
-        "Units on one load: set point, load step, measurement pulse",
-        "Common output with its set point, and the efforts of the units as they are"
-        + ("." if mended is None else ", and with one integrator shared out."),
-        rows=2 if mended is None else 3,
-        height=440 if mended is None else 580,
-    )
-    first = simulation.original
-    panels.curve(first.time, first.set_point, "set point", THIN)
-    panels.curve(first.time, first.output, "output", line(0))
-    panels.y(1, _OUTPUT)
-    _add_efforts(panels, first, 2)
-    panels.y(2, "as they are<br>(input units)")
-    if mended is not None:
-        panels.curve(mended.time, mended.output, "output, mended", IDENTICAL)
-        _add_efforts(panels, mended, 3)
-        panels.y(3, "mended<br>(input units)", matches="y2")
-    panels.shared_x(time_title(unit))
-    return panels.figure()
-
-
-def _add_efforts(panels: Panels, response: DrawnDriveResponse, row: int) -> None:
-    for index, efforts in enumerate(zip(*response.efforts, strict=True)):
-        panels.curve(response.time, efforts, f"unit {index + 1}", line(index + 1), row=row)
 
 
 def _add(

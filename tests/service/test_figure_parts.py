@@ -10,9 +10,17 @@ import numpy as np
 import pytest
 
 from service import figures
+from service.analyses.decouple.drawn import DrawnClosedLoop
+from service.analyses.decouple.figure import decoupled
+from service.analyses.interaction.drawn import DrawnInteraction
+from service.analyses.interaction.figure import interaction
 from service.analyses.parallel_drives import EXAMPLE as DRIVES
 from service.analyses.parallel_drives import ParallelDrivesRequest
 from service.analyses.parallel_drives import compute as simulate_drives
+from service.analyses.parallel_drives.drawn import DrawnParallelDrives
+from service.analyses.parallel_drives.figure import drives
+from service.analyses.relay.drawn import DrawnRelayExperiment
+from service.analyses.relay.figure import relay
 from service.figures.style import (
     BACKGROUNDS,
     COLOURS,
@@ -25,13 +33,7 @@ from service.figures.style import (
     template,
 )
 from service.schemas import parse
-from service.schemas.drawn import (
-    DrawnClosedLoop,
-    DrawnInteraction,
-    DrawnParallelDrives,
-    DrawnRelayExperiment,
-    DrawnStepResponse,
-)
+from service.schemas.drawn import DrawnStepResponse
 from service.schemas.trade_off import TradeOff, TradeOffPoint
 from solver.interaction.analysis import analyse_interaction
 from solver.interaction.decoupling import DecouplingSpecification, decouple
@@ -133,7 +135,7 @@ def wood_berry() -> MatrixPlant:
 
 def test_relative_gains_stand_in_their_cells() -> None:
     """The heat map holds the array, output by output, values written in its cells."""
-    drawn = figures.interaction(DrawnInteraction.of(analyse_interaction(wood_berry())))
+    drawn = interaction(DrawnInteraction.of(analyse_interaction(wood_berry())))
     (heat,) = drawn["rga"].data
     assert np.array(heat.z) == pytest.approx(
         np.array([[2.0094, -1.0094], [-1.0094, 2.0094]]), abs=1e-4
@@ -144,7 +146,7 @@ def test_relative_gains_stand_in_their_cells() -> None:
 
 def test_equal_relative_gains_share_a_curve() -> None:
     """Of a 2 x 2 plant two curves remain; each begins at its static value."""
-    drawn = figures.interaction(DrawnInteraction.of(analyse_interaction(wood_berry())))
+    drawn = interaction(DrawnInteraction.of(analyse_interaction(wood_berry())))
     own, other = drawn["rga_frequency"].data
     assert (own.name, other.name) == ("λ<sub>11, 22</sub>", "λ<sub>12, 21</sub>")
     assert own.y[0] == pytest.approx(2.0094, abs=0.01)
@@ -153,9 +155,7 @@ def test_equal_relative_gains_share_a_curve() -> None:
 
 def test_many_units_are_drawn_by_their_closed_forms() -> None:
     """Above the size of written-out matrices, own and other relative gain have a curve each."""
-    drawn = figures.interaction(
-        DrawnInteraction.of(analyse_interaction(first_order(30, 1, 9, 0.5)))
-    )
+    drawn = interaction(DrawnInteraction.of(analyse_interaction(first_order(30, 1, 9, 0.5))))
     assert list(drawn) == ["rga_frequency"]
     own, other = drawn["rga_frequency"].data
     # Every row of the array sums to one; off the diagonal its elements are negative.
@@ -164,7 +164,7 @@ def test_many_units_are_drawn_by_their_closed_forms() -> None:
 
 def test_a_singular_plant_has_gaps() -> None:
     """Where the array does not exist there is no heat map, and the curves are gaps."""
-    drawn = figures.interaction(DrawnInteraction.of(analyse_interaction(first_order(2, 1, 9, 1.0))))
+    drawn = interaction(DrawnInteraction.of(analyse_interaction(first_order(2, 1, 9, 1.0))))
     assert "rga" not in drawn
     assert set(drawn["rga_frequency"].data[0].y) == {None}
 
@@ -190,7 +190,7 @@ def test_relay_experiment_shows_both_levels() -> None:
     """The input switches between its two levels while the output swings about zero."""
     plant = first_order(1, 1, 10, 0.0, 1.0)
     experiment = RelayExperiment(plant, 0, 0, Relay(0.5, 0.01), (), 60.0)
-    figure = figures.relay(DrawnRelayExperiment.of(relay_experiment(experiment)))
+    figure = relay(DrawnRelayExperiment.of(relay_experiment(experiment)))
     output, signal = figure.data
     assert set(signal.y) == {0.5, -0.5}
     assert min(output.y) < 0 < max(output.y)
@@ -200,7 +200,7 @@ def test_relay_experiment_shows_both_levels() -> None:
 def test_decoupled_loops_show_what_interaction_is_left() -> None:
     """At low frequency each output follows its own set point and no other (eq. 11.8)."""
     result = decouple(DecouplingSpecification(wood_berry()))
-    figure = figures.decoupled(DrawnClosedLoop.of(result.closed_loop), "min")
+    figure = decoupled(DrawnClosedLoop.of(result.closed_loop), "min")
     shown = {trace.name: trace for trace in figure.data}
     assert shown["h<sub>11</sub>"].y[0] == pytest.approx(1, abs=1e-3)
     assert shown["h<sub>12</sub>"].y[0] == pytest.approx(0, abs=1e-2)
@@ -213,7 +213,7 @@ def test_only_the_highest_of_many_interactions_are_shown() -> None:
     size = 5
     heights = [[{"re": row + column / 10, "im": 0.0} for column in range(size)]
                for row in range(size)]  # fmt: skip
-    figure = figures.decoupled(DrawnClosedLoop(omega=[1.0], approximate=[heights], exact=[heights]))
+    figure = decoupled(DrawnClosedLoop(omega=[1.0], approximate=[heights], exact=[heights]))
     below = [trace.name for trace in figure.data if trace.yaxis == "y2" and trace.showlegend]
     assert below == [f"h<sub>{place}</sub>" for place in ("43", "45", "51", "52", "53", "54")]
 
@@ -222,7 +222,7 @@ def test_drives_show_the_shift_of_load_that_the_remedy_prevents() -> None:
     """After a measurement pulse the efforts differ for good, mended they agree (section 11.4)."""
     request = parse(ParallelDrivesRequest, json.dumps(DRIVES))
     result = DrawnParallelDrives.model_validate(simulate_drives(request))
-    figure = figures.drives(result.simulation, "s")
+    figure = drives(result.simulation, "s")
     efforts = [trace.y[-1] for trace in figure.data if trace.name.startswith("unit")]
     assert abs(efforts[0] - efforts[1]) > 0.5
     assert efforts[2] == pytest.approx(efforts[3], abs=1e-3)

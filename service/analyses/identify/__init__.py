@@ -106,8 +106,8 @@ def identified(task: IdentificationTask) -> dict[str, Any]:
 
 def draw(result: DrawnIdentification, unit: str) -> dict[str, Any]:
     """Return data and fit, and the errors below their weight."""
+    from service.analyses.identify.figure import identification
     from service.figures.document import figures_to_json
-    from service.figures.identification import identification
 
     return figures_to_json(identification(result, unit))
 

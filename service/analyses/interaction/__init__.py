@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from service.analyses.interaction.drawn import DrawnInteraction
 from service.analyses.interaction.models import (
     EXAMPLE,
     InteractionRequest,
@@ -14,7 +15,6 @@ from service.analyses.interaction.models import (
 )
 from service.analyses.interaction.table import table
 from service.analysis import Analysis, Figures
-from service.schemas.drawn import DrawnInteraction
 from service.schemas.encoding import encode
 
 __all__ = ["ANALYSIS", "EXAMPLE", "InteractionRequest", "InteractionResult"]
@@ -33,8 +33,8 @@ def compute(request: InteractionRequest) -> dict[str, Any]:
 
 def draw(result: DrawnInteraction, unit: str) -> dict[str, Any]:
     """Return the relative gains, at steady state and over frequency."""
+    from service.analyses.interaction.figure import interaction
     from service.figures.document import figures_to_json
-    from service.figures.interaction import interaction
 
     return figures_to_json(interaction(result, unit))
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, JsonValue
 
 import solver.model.plants
+from service.schemas.complex import Complex
 from service.schemas.controllers import Loop
-from service.schemas.drawn import Complex
 from service.schemas.fields import (
     WHOLE,
     AnalysisRequest,

@@ -12,7 +12,7 @@ from service.analyses.interaction.models import (
     TransmissionZeros,
 )
 from service.printing import Grid, Line, Part, matrix, warning_lines
-from service.schemas.drawn import Complex
+from service.schemas.complex import Complex
 from service.wording import number
 
 __all__ = ["table"]

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from typing import Any
 
+from service.analyses.relay.drawn import DrawnRelayExperiment
 from service.analyses.relay.models import EXAMPLE, RelayExperimentRequest, RelayExperimentResult
 from service.analyses.relay.table import table
 from service.analysis import Analysis, Figures
-from service.schemas.drawn import DrawnRelayExperiment
 from service.schemas.encoding import encode
 
 __all__ = ["ANALYSIS", "EXAMPLE", "RelayExperimentRequest", "RelayExperimentResult"]
@@ -31,8 +31,8 @@ def compute(request: RelayExperimentRequest) -> dict[str, Any]:
 
 def draw(result: DrawnRelayExperiment, unit: str) -> dict[str, Any]:
     """Return the outputs and inputs."""
+    from service.analyses.relay.figure import relay
     from service.figures.document import figures_to_json
-    from service.figures.responses import relay
 
     return figures_to_json({"relay": relay(result, unit)})
 

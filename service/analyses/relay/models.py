@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, JsonValue
 
 import solver.relay.experiment
+from service.schemas.complex import Complex
 from service.schemas.controllers import Loop
-from service.schemas.drawn import Complex
 from service.schemas.fields import (
     WHOLE,
     AnalysisRequest,

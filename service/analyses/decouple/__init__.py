@@ -10,10 +10,11 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, JsonValue
 
 import solver.model.controllers
+from service.analyses.decouple.drawn import DrawnDecoupling
 from service.analysis import Analysis, Figures
 from service.printing import Grid, Line, Part, matrix, warning_lines
+from service.schemas.complex import Complex
 from service.schemas.controllers import ParallelForm
-from service.schemas.drawn import Complex, DrawnDecoupling
 from service.schemas.encoding import encode
 from service.schemas.fields import AnalysisRequest, Gain, IdentifiedResult, RequestModel, below
 from service.schemas.frequencies import Frequencies, ascending
@@ -271,7 +272,7 @@ def _loops(result: DecouplingResult) -> Grid:
 
 def draw(result: DrawnDecoupling, unit: str) -> dict[str, Any]:
     """Return the responses of the decoupled loops."""
-    from service.figures.decoupling import decoupled
+    from service.analyses.decouple.figure import decoupled
     from service.figures.document import figures_to_json
 
     if result.closed_loop is None:

@@ -10,9 +10,9 @@ from itertools import product
 
 import plotly.graph_objects as go
 
+from service.analyses.interaction.drawn import DrawnInteraction
 from service.figures.panels import Panels
 from service.figures.style import frequency_title, line, log_axis, magnitude, numbers
-from service.schemas.drawn import DrawnInteraction
 from service.wording import TIME_UNIT, number
 
 __all__ = ["interaction"]

@@ -9,9 +9,10 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, JsonValue
 
+from service.analyses.parallel_drives.drawn import DrawnParallelDrives
 from service.analysis import Analysis, Figures
 from service.printing import Grid, Line, Part
-from service.schemas.drawn import Complex, DrawnParallelDrives
+from service.schemas.complex import Complex
 from service.schemas.encoding import encode
 from service.schemas.fields import (
     WHOLE,
@@ -313,8 +314,8 @@ def table(result: ParallelDrivesResult) -> list[Part]:
 
 def draw(result: DrawnParallelDrives, unit: str) -> dict[str, Any]:
     """Return the simulation."""
+    from service.analyses.parallel_drives.figure import drives
     from service.figures.document import figures_to_json
-    from service.figures.responses import drives
 
     return figures_to_json({"drives": drives(result.simulation, unit)})
 

@@ -9,10 +9,10 @@ from itertools import product
 
 import plotly.graph_objects as go
 
+from service.analyses.decouple.drawn import DrawnClosedLoop
 from service.figures.panels import Panels
 from service.figures.style import frequency_title, line, log_axis, magnitude
 from service.schemas.complex import Complex
-from service.schemas.drawn import DrawnClosedLoop
 from service.wording import TIME_UNIT
 
 __all__ = ["decoupled"]
