@@ -179,7 +179,7 @@ def test_a_trade_off_is_drawn(client: httpx.Client) -> None:
             },
             "/simulation/original",
         ),
-        ("trade-offs", {"parameter": "theta", "points": []}, "/parameter"),
+        ("trade-offs", {"parameter": "<theta>", "points": []}, "/parameter"),
     ],
 )
 def test_what_cannot_be_drawn_is_refused(
