@@ -40,7 +40,7 @@ def requests(count: int, stub: float | None) -> Iterator[dict[str, Any]]:
     """Yield different requests, the first one and every hundredth of them slow."""
     for number in range(count):
         form = SLOW if number % 100 == 0 else QUICK[number % 3]
-        time_limit = 600.0 if stub is None else max(1000 * stub * form["seconds"], 0.1)
+        time_limit = 600.0 if stub is None else max(1000 * stub * form["seconds"], 1.0)
         yield {
             "id": f"R-{number}",
             "plant": {
