@@ -106,6 +106,10 @@ class Configuration(BaseSettings):
     api_keys_file: Path | None = Field(
         default=None, description="File of API keys; unset: no keys, for loopback only."
     )
+    audit_file: Path | None = Field(
+        default=None,
+        description="File to which a line is added for each act; unset: they are in the log.",
+    )
     allowed_hosts: _Names = Field(
         default=(),
         description="Names of this service beside localhost, addresses and the machine's own; "

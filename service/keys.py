@@ -14,7 +14,7 @@ import secrets
 import tempfile
 import time
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 
@@ -36,13 +36,39 @@ class KeyFileError(Exception):
 
 @dataclass(frozen=True)
 class Key:
-    """An API key without its secret; `created_at` is seconds since 1970."""
+    """An API key without its secret; times are seconds since 1970.
+
+    Parameters
+    ----------
+    id : str
+        What owns the jobs; it stays when the secret is changed.
+    name : str
+        Whose key it is.
+    scopes : tuple of Scope
+        What it may do.
+    digest : str
+        SHA-256 of the secret.
+    created_at : float
+        When the secret was made.
+    expires_at : float or None
+        When the key ends; None: never.
+    previous_digest, previous_until
+        The secret before this one, and until when it is good too.
+
+    """
 
     id: str
     name: str
     scopes: tuple[Scope, ...]
     digest: str
     created_at: float
+    expires_at: float | None = None
+    previous_digest: str | None = None
+    previous_until: float = 0.0
+
+    def has_expired(self, now: float) -> bool:
+        """Whether the key has ended."""
+        return self.expires_at is not None and now >= self.expires_at
 
 
 class KeyFile:
@@ -72,11 +98,43 @@ class KeyFile:
         self._refresh()
         return list(self._keys.values())
 
-    def create(self, name: str, scopes: Iterable[Scope]) -> str:
-        """Add a key and return its token, which is shown this once."""
-        key_id, secret = secrets.token_hex(8), secrets.token_urlsafe(32)
-        key = Key(key_id, name, tuple(scopes), _digest(secret), time.time())
+    def create(self, name: str, scopes: Iterable[Scope], *, lifetime: float | None = None) -> str:
+        """Add a key, for `lifetime` seconds, and return its token, which is shown this once."""
+        key_id, secret, now = secrets.token_hex(8), secrets.token_urlsafe(32), time.time()
+        expires_at = None if lifetime is None else now + lifetime
+        key = Key(key_id, name, tuple(scopes), _digest(secret), now, expires_at)
         self._write([*self.all(), key])
+        return f"{_PREFIX}_{key_id}_{secret}"
+
+    def rotate(self, key_id: str, *, grace: float, lifetime: float | None = None) -> str | None:
+        """Give a key a new secret, and return its new token; None where there is no such key.
+
+        Its jobs stay its own.
+
+        Parameters
+        ----------
+        key_id : str
+            Which.
+        grace : float
+            Seconds for which the old token is good too.
+        lifetime : float or None
+            Seconds until the key ends; None: it ends when it did.
+
+        """
+        keys = {key.id: key for key in self.all()}
+        key = keys.get(key_id)
+        if key is None:
+            return None
+        secret, now = secrets.token_urlsafe(32), time.time()
+        keys[key_id] = replace(
+            key,
+            digest=_digest(secret),
+            created_at=now,
+            expires_at=key.expires_at if lifetime is None else now + lifetime,
+            previous_digest=key.digest,
+            previous_until=now + grace,
+        )
+        self._write(keys.values())
         return f"{_PREFIX}_{key_id}_{secret}"
 
     def revoke(self, key_id: str) -> bool:
@@ -88,7 +146,7 @@ class KeyFile:
         return len(left) < len(keys)
 
     def verify(self, token: str) -> Key | None:
-        """Return the key of a token, or None."""
+        """Return the key of a token, or None where there is none or it has expired."""
         self._refresh()
         prefix, _, rest = token.partition("_")
         key_id, _, secret = rest.partition("_")
@@ -96,7 +154,12 @@ class KeyFile:
         # An unknown id costs the same comparison as a known one.
         digest = key.digest if key is not None else _digest("")
         matches = hmac.compare_digest(digest, _digest(secret))
-        return key if matches and prefix == _PREFIX else None
+        now = time.time()
+        if key is not None and key.previous_digest is not None and now < key.previous_until:
+            matches |= hmac.compare_digest(key.previous_digest, _digest(secret))
+        if key is None or not matches or prefix != _PREFIX or key.has_expired(now):
+            return None
+        return key
 
     def _refresh(self) -> None:
         try:
@@ -127,7 +190,16 @@ class KeyFile:
 def _key(line: str) -> Key:
     entry = json.loads(line)
     scopes = tuple(Scope(scope) for scope in entry["scopes"])
-    return Key(entry["id"], entry["name"], scopes, entry["digest"], entry["created_at"])
+    return Key(
+        entry["id"],
+        entry["name"],
+        scopes,
+        entry["digest"],
+        entry["created_at"],
+        entry.get("expires_at"),
+        entry.get("previous_digest"),
+        entry.get("previous_until", 0.0),
+    )
 
 
 def _digest(secret: str) -> str:

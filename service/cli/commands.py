@@ -371,16 +371,22 @@ keys = typer.Typer(help="API keys, in the file named by MUTUNE_API_KEYS_FILE.")
 app.add_typer(keys, name="keys", no_args_is_help=True)
 
 
+Days = Annotated[
+    float | None, typer.Option(min=0, help="Days until the key ends. Default: as before, or never.")
+]
+
+
 @keys.command("create")
 def create_key(
     name: Annotated[str, typer.Argument(help="Whose key it is.")],
     *,
     read_only: Annotated[bool, typer.Option("--read-only", help="May look, not start.")] = False,
+    days: Days = None,
 ) -> None:
     """Create a key and print it; it cannot be shown again."""
     from service.cli.keys import create  # noqa: PLC0415 - heavy
 
-    raise typer.Exit(create(name, read_only=read_only))
+    raise typer.Exit(create(name, read_only=read_only, days=days))
 
 
 @keys.command("list")
@@ -389,6 +395,21 @@ def list_keys() -> None:
     from service.cli.keys import listing  # noqa: PLC0415 - heavy
 
     raise typer.Exit(listing())
+
+
+@keys.command("rotate")
+def rotate_key(
+    key_id: Annotated[str, typer.Argument(help="First column of the list.")],
+    *,
+    grace: Annotated[
+        float, typer.Option(min=0, metavar="HOURS", help="How long the old secret is good too.")
+    ] = 24.0,
+    days: Days = None,
+) -> None:
+    """Give a key a new secret and print it; its jobs stay its own."""
+    from service.cli.keys import rotate  # noqa: PLC0415 - heavy
+
+    raise typer.Exit(rotate(key_id, grace=grace, days=days))
 
 
 @keys.command("revoke")

@@ -38,6 +38,15 @@ class RateLimiter:
         self._size = float(per_minute)
         self._rate = per_minute / 60
         self._buckets: dict[str, tuple[float, float]] = {}
+        self.policy = f'"key";q={per_minute};w=60'
+
+    def limit(self, caller: str) -> str:
+        """Say how many requests are left, and in how many seconds all are there again.
+
+        As the header `RateLimit` of draft-ietf-httpapi-ratelimit-headers-10 has it.
+        """
+        left, _ = self._buckets.get(caller, (self._size, 0.0))
+        return f'"key";r={int(left)};t={math.ceil((self._size - left) / self._rate)}'
 
     def spend(self, caller: str) -> float:
         """Take a request; return 0, or the seconds until there is one again."""
@@ -75,14 +84,16 @@ def authenticate(request: Request, token: Token) -> None:
         message = "Send a valid API key: Authorization: Bearer KEY."
         raise UnauthorizedError(message, {"WWW-Authenticate": "Bearer"})
     limiter: RateLimiter = request.app.state.limiter
-    if wait := limiter.spend(key.id):
+    request.state.owner = key.id
+    wait = limiter.spend(key.id)
+    request.state.rate = limiter.policy, limiter.limit(key.id)
+    if wait:
         message = "This key has made too many requests."
         raise RateError(message, {"Retry-After": str(math.ceil(wait))})
     needed = Scope.READ if request.method in _READING else Scope.WRITE
     if needed not in key.scopes:
         message = f"This key lacks the scope {needed}."
         raise ForbiddenError(message)
-    request.state.owner = key.id
 
 
 def owner(request: Request) -> str:

@@ -15,6 +15,7 @@ from fastapi.middleware.cors import CORSMiddleware
 from sqlalchemy import Engine as Connections
 
 import service.http.openapi
+from service.audit import Trail
 from service.configuration import Configuration
 from service.http import docs_page, errors
 from service.http.access import RateLimiter, authenticate
@@ -126,7 +127,13 @@ def create_app(configuration: Configuration | None = None) -> FastAPI:
             allow_origins=app.state.configuration.cors_origins,
             allow_methods=["GET", "POST", "DELETE"],
             allow_headers=["Authorization", "Content-Type", "Idempotency-Key", "Prefer"],
-            expose_headers=["Location", "Retry-After", "X-Request-Id"],
+            expose_headers=[
+                "Location",
+                "RateLimit",
+                "RateLimit-Policy",
+                "Retry-After",
+                "X-Request-Id",
+            ],
         )
     app.add_middleware(Compressed)
     app.add_middleware(SteadyBodies)
@@ -139,7 +146,8 @@ def create_app(configuration: Configuration | None = None) -> FastAPI:
             origins=app.state.configuration.cors_origins,
         )
     app.add_middleware(SecurityHeaders)
-    app.add_middleware(Observed, metrics=app.state.metrics)
+    trail = Trail(app.state.configuration.audit_file)
+    app.add_middleware(Observed, metrics=app.state.metrics, trail=trail)
     return app
 
 

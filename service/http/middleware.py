@@ -7,15 +7,21 @@ import time
 import uuid
 
 import structlog
+from starlette.datastructures import Headers
 from starlette.middleware.gzip import GZipMiddleware
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from service.audit import Trail
 from service.http.metrics import RequestMetrics
 
 __all__ = ["Compressed", "Observed", "SecurityHeaders"]
 
 logger = structlog.get_logger("mutune.http")
 
+_READING = frozenset({"GET", "HEAD", "OPTIONS"})
+_REFUSALS = frozenset({401, 403, 421, 429})
+_FAULTS = 400
+_KEY = re.compile(r"mutune_[0-9a-f]+_[A-Za-z0-9_-]+")
 _TRACE = re.compile(r"[0-9a-f]{2}-([0-9a-f]{32})-[0-9a-f]{16}-[0-9a-f]{2}")
 _REQUEST_ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
 
@@ -23,12 +29,15 @@ _REQUEST_ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
 class Observed:
     """Give each request an id (the caller's X-Request-Id, where sane), log it and measure it.
 
-    Neither query strings nor bodies are logged: they are the caller's business.
+    Neither query strings nor bodies are logged: they are the caller's business. Nor is a key, where
+    somebody has put it into a path. What changes something, and what was refused for want of
+    rights, goes into the trail of acts too.
     """
 
-    def __init__(self, app: ASGIApp, metrics: RequestMetrics) -> None:
+    def __init__(self, app: ASGIApp, metrics: RequestMetrics, trail: Trail) -> None:
         self._app = app
         self._metrics = metrics
+        self._trail = trail
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Serve one request."""
@@ -39,12 +48,18 @@ class Observed:
         structlog.contextvars.bind_contextvars(request_id=request_id)
         started = time.perf_counter()
         status = 500
+        location = ""
+        state = scope.setdefault("state", {})
 
         async def send_with_id(message: Message) -> None:
-            nonlocal status
+            nonlocal status, location
             if message["type"] == "http.response.start":
                 status = message["status"]
+                location = Headers(raw=message["headers"]).get("location", "")
                 message["headers"].append((b"x-request-id", request_id.encode()))
+                if rate := state.get("rate"):
+                    message["headers"].append((b"ratelimit-policy", rate[0].encode()))
+                    message["headers"].append((b"ratelimit", rate[1].encode()))
             await send(message)
 
         try:
@@ -53,13 +68,26 @@ class Observed:
             route = getattr(scope.get("route"), "path", "unknown")
             seconds = time.perf_counter() - started
             self._metrics.observe_request(scope["method"], route, status, seconds)
+            key = {"key": state["owner"]} if state.get("owner") else {}
             logger.info(
                 "request",
                 method=scope["method"],
-                path=scope["path"],
+                path=_KEY.sub("KEY", scope["path"]),
                 status=status,
                 milliseconds=round(1000 * seconds, 1),
+                **key,
             )
+            if status in _REFUSALS or (scope["method"] not in _READING and status < _FAULTS):
+                client = scope.get("client")
+                self._trail.write(
+                    action=f"{scope['method']} {route}",
+                    key=state.get("owner"),
+                    job=scope.get("path_params", {}).get("job_id") or location.rpartition("/")[2],
+                    batch=scope.get("path_params", {}).get("batch_id"),
+                    status=status,
+                    address=client[0] if client else None,
+                    request_id=request_id,
+                )
             structlog.contextvars.clear_contextvars()
 
 
