@@ -7,6 +7,7 @@ import os
 import sys
 from pathlib import Path
 from typing import Annotated
+from urllib.parse import urlsplit
 
 from pydantic import BeforeValidator, Field, model_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
@@ -14,6 +15,7 @@ from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 __all__ = ["Configuration"]
 
 
+_SECRET_BYTES = 32
 _TLS_PAIR = ("tls_cert_file", "tls_key_file")
 
 
@@ -106,6 +108,13 @@ class Configuration(BaseSettings):
     api_keys_file: Path | None = Field(
         default=None, description="File of API keys; unset: no keys, for loopback only."
     )
+    callback_urls: _Names = Field(
+        default=(),
+        description="URLs below which callers may name one to be told of ends; JSON list.",
+    )
+    callback_key_file: Path | None = Field(
+        default=None, description="File of the secret that signs such notices, 32 bytes or more."
+    )
     audit_file: Path | None = Field(
         default=None,
         description="File to which a line is added for each act; unset: they are in the log.",
@@ -151,6 +160,26 @@ class Configuration(BaseSettings):
             if path is not None and not path.is_file():
                 message = f"MUTUNE_{name.upper()}: there is no file {path}"
                 raise ValueError(message)
+        return self
+
+    @model_validator(mode="after")
+    def _signed(self) -> Configuration:
+        """Refuse callbacks that nothing signs."""
+        if not self.callback_urls:
+            return self
+        for url in self.callback_urls:
+            parts = urlsplit(url)
+            if parts.scheme not in {"http", "https"} or not parts.hostname:
+                message = f"MUTUNE_CALLBACK_URLS: {url} is no http or https URL"
+                raise ValueError(message)
+        try:
+            secret = self.callback_key_file.read_bytes().strip() if self.callback_key_file else b""
+        except OSError as error:
+            message = f"MUTUNE_CALLBACK_KEY_FILE: {error.strerror}"
+            raise ValueError(message) from None
+        if len(secret) < _SECRET_BYTES:
+            message = f"MUTUNE_CALLBACK_KEY_FILE: name a file of {_SECRET_BYTES} bytes or more"
+            raise ValueError(message)
         return self
 
     @property

@@ -22,6 +22,7 @@ from service.http.access import RateLimiter, authenticate
 from service.http.guards import Head, KnownHosts, SteadyBodies
 from service.http.metrics import RequestMetrics
 from service.http.middleware import Compressed, Observed, SecurityHeaders
+from service.http.notices import notify
 from service.http.routes import (
     analyses,
     batch_results,
@@ -36,6 +37,7 @@ from service.http.routes import (
 )
 from service.http.routes.common import problems
 from service.jobs import database, encryption
+from service.jobs.callbacks import Callbacks
 from service.jobs.dispatcher import Dispatcher
 from service.jobs.engine import Engine
 from service.jobs.leadership import lead
@@ -126,7 +128,13 @@ def create_app(configuration: Configuration | None = None) -> FastAPI:
             CORSMiddleware,
             allow_origins=app.state.configuration.cors_origins,
             allow_methods=["GET", "POST", "DELETE"],
-            allow_headers=["Authorization", "Content-Type", "Idempotency-Key", "Prefer"],
+            allow_headers=[
+                "Authorization",
+                "Callback-URL",
+                "Content-Type",
+                "Idempotency-Key",
+                "Prefer",
+            ],
             expose_headers=[
                 "Location",
                 "RateLimit",
@@ -189,6 +197,9 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
         await stack.enter_async_context(_background(watcher.run()))
         await stack.enter_async_context(_background(lead(connections, dispatcher.run)))
         await stack.enter_async_context(_background(expire(queue, configuration.retention_days)))
+        if configuration.callback_urls and configuration.callback_key_file is not None:
+            notices = notify(Callbacks(transactions), configuration.callback_key_file)
+            await stack.enter_async_context(_background(notices))
         yield
 
 

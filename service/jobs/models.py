@@ -17,7 +17,7 @@ from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 
 from service.jobs.packed import PackedText
 
-__all__ = ["Base", "BatchItemRow", "BatchRow", "JobRow"]
+__all__ = ["Base", "BatchItemRow", "BatchRow", "CallbackRow", "ClockRow", "JobRow"]
 
 # SQLite numbers rows by itself for INTEGER PRIMARY KEY only.
 _Sequence = BigInteger().with_variant(Integer(), "sqlite")
@@ -93,3 +93,30 @@ class BatchItemRow(Base):
     )
     position: Mapped[int] = mapped_column(Integer, primary_key=True)
     job_id: Mapped[str] = mapped_column(ForeignKey("jobs.id", ondelete="CASCADE"), index=True)
+
+
+class ClockRow(Base):
+    """The one row of the clock that retention goes by, see `service.jobs.retention`."""
+
+    __tablename__ = "clock"
+
+    id: Mapped[int] = mapped_column(Integer, primary_key=True)
+    believed: Mapped[float] = mapped_column(Double)
+    doubted: Mapped[float] = mapped_column(Double)
+
+
+class CallbackRow(Base):
+    """Whom to tell of the end of a job or a batch; gone once that is done."""
+
+    __tablename__ = "callbacks"
+
+    sequence: Mapped[int] = mapped_column(_Sequence, primary_key=True, autoincrement=True)
+    job_id: Mapped[str | None] = mapped_column(
+        ForeignKey("jobs.id", ondelete="CASCADE"), index=True
+    )
+    batch_id: Mapped[str | None] = mapped_column(
+        ForeignKey("batches.id", ondelete="CASCADE"), index=True
+    )
+    url: Mapped[str] = mapped_column(Text)
+    due: Mapped[float] = mapped_column(Double, index=True)
+    tries: Mapped[int] = mapped_column(Integer)

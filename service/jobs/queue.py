@@ -23,12 +23,13 @@ from sqlalchemy import (
     case,
     delete,
     func,
+    insert,
     select,
     true,
     update,
 )
 
-from service.jobs.models import BatchRow, JobRow
+from service.jobs.models import BatchRow, ClockRow, JobRow
 from service.jobs.records import (
     FINAL,
     UNFINISHED,
@@ -201,6 +202,25 @@ class Queue:
                     best=None,
                 )
             )
+
+    def clock(self, now: float) -> tuple[float, float]:
+        """Return the time that retention goes by, and how long the machine's was in doubt.
+
+        Where none is kept yet, the time of the last end in the table: it was not later than now.
+        """
+        with self._transactions.reading() as connection:
+            row = connection.execute(select(ClockRow.believed, ClockRow.doubted)).one_or_none()
+            if row is not None:
+                return row.believed, row.doubted
+            last = connection.scalar(select(func.max(JobRow.finished_at)))
+        return min(now, last) if last is not None else now, 0.0
+
+    def set_clock(self, believed: float, doubted: float) -> None:
+        """Keep the time that retention goes by."""
+        values = {"believed": believed, "doubted": doubted}
+        with self._transactions.writing(durable=False) as connection:
+            if not connection.execute(update(ClockRow).values(values)).rowcount:
+                connection.execute(insert(ClockRow).values(id=1, **values))
 
     def expire(self, before: float) -> int:
         """Delete the jobs and batches that ended before the time `before`; return how many.

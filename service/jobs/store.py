@@ -28,7 +28,7 @@ from sqlalchemy import (
 )
 from sqlalchemy.exc import IntegrityError
 
-from service.jobs.models import BatchItemRow, BatchRow, JobRow
+from service.jobs.models import BatchItemRow, BatchRow, CallbackRow, JobRow
 from service.jobs.records import (
     UNFINISHED,
     Batch,
@@ -74,8 +74,16 @@ class Store:
         with self._transactions.writing(durable=False) as connection:
             connection.execute(_NOTHING_NEW)
 
-    def submit(self, owner: str, job: NewJob, idempotency_key: str | None = None) -> Job:
+    def submit(
+        self,
+        owner: str,
+        job: NewJob,
+        idempotency_key: str | None = None,
+        callback: str | None = None,
+    ) -> Job:
         """Accept a job, or return the one accepted before under the same key.
+
+        `callback` is a URL to be told of its end.
 
         Raises
         ------
@@ -92,9 +100,11 @@ class Store:
                 self._check_room(connection, owner, 1)
                 if _take_known(connection, owner, [(job, row)]):
                     connection.execute(_INSERT, row)
+                    _call_back(connection, callback, job_id=row["id"])
                     found = connection.execute(_JOB, {"job": row["id"], "caller": owner})
                     return _job(found.one())
                 sequence = connection.execute(_INSERT, row).scalar_one()
+                _call_back(connection, callback, job_id=row["id"])
         except IntegrityError:
             return self.get(owner, self._accepted_before(JobRow, owner, row))
         # As it was written, and nobody has changed it yet: no need to read it back.
@@ -103,9 +113,15 @@ class Store:
         return Job(sequence, row["id"], waiting, created, None, None, job.request, None, None)
 
     def submit_batch(
-        self, owner: str, jobs: Sequence[NewJob], idempotency_key: str | None = None
+        self,
+        owner: str,
+        jobs: Sequence[NewJob],
+        idempotency_key: str | None = None,
+        callback: str | None = None,
     ) -> Batch:
         """Accept all jobs as one batch, or none; equal requests become one job.
+
+        `callback` is a URL to be told when all have ended.
 
         Raises
         ------
@@ -137,6 +153,7 @@ class Store:
                 connection.execute(insert(BatchRow), batch)
                 connection.execute(insert(JobRow), list(rows.values()))
                 connection.execute(insert(BatchItemRow), items)
+                _call_back(connection, callback, batch_id=batch["id"])
         except IntegrityError:
             return self.get_batch(owner, self._accepted_before(BatchRow, owner, batch))
         return self.get_batch(owner, str(batch["id"]))
@@ -328,6 +345,12 @@ def _new_row(
         "result": None,
         "error": None,
     } | ({} if job.error is None else _failed(job.error))
+
+
+def _call_back(connection: Connection, url: str | None, **subject: object) -> None:
+    """Keep whom to tell of an end, in the transaction that accepts what is to end."""
+    if url is not None:
+        connection.execute(insert(CallbackRow).values(url=url, due=0.0, tries=0, **subject))
 
 
 def _failed(error: str) -> dict[str, Any]:

@@ -13,7 +13,14 @@ from service.http import bodies
 from service.http.access import owner
 from service.http.json_stream import ArrayReader
 from service.http.routes.common import BODY_PROBLEMS, described, json_response, problems
-from service.http.routes.tunings import IdempotencyKey, accepting, may_reuse, new_job
+from service.http.routes.tunings import (
+    CallbackUrl,
+    IdempotencyKey,
+    accepting,
+    check_callback,
+    may_reuse,
+    new_job,
+)
 from service.jobs.records import Batch as BatchRecord
 from service.jobs.records import NewJob
 from service.problems import BodyTooLargeError, NotFoundError, describe
@@ -53,18 +60,25 @@ BatchId = Annotated[
     },
     openapi_extra=bodies.described_body(BatchRequest),
 )
-async def post_batch(request: Request, idempotency_key: IdempotencyKey = None) -> Response:
+async def post_batch(
+    request: Request, idempotency_key: IdempotencyKey = None, callback_url: CallbackUrl = None
+) -> Response:
     """Accept up to 10,000 tunings at once: all of them, or none.
 
     As one JSON object, or as `application/x-ndjson`, a tuning a line. With `"on_error": "skip"`, or
     `?on_error=skip` for lines, faulty tunings are accepted as jobs that have failed.
     """
+    check_callback(request, callback_url)
     jobs = await _jobs(request)
     if not jobs:
         raise RequestError((Fault("/tunings", "a batch has at least one tuning"),))
     async with accepting():
         batch = await asyncio.to_thread(
-            request.app.state.store.submit_batch, owner(request), jobs, idempotency_key
+            request.app.state.store.submit_batch,
+            owner(request),
+            jobs,
+            idempotency_key,
+            callback_url,
         )
     request.app.state.dispatcher.wake()
     return json_response(batch_to_json(batch), 202, {"Location": f"/v1/batches/{batch.id}"})

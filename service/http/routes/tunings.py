@@ -15,21 +15,25 @@ from fastapi.responses import StreamingResponse
 
 from service.http import bodies
 from service.http.access import owner
+from service.http.notices import is_allowed
 from service.http.routes.common import BODY_PROBLEMS, described, json_response, problems
 from service.jobs.engine import VERSION
 from service.jobs.records import FINAL, Ended, Job, JobStatus, NewJob
 from service.jobs.store import IdempotencyConflictError, QueueFullError, Store
 from service.jobs.watch import Watcher
-from service.problems import ConflictError, NotFoundError, RateError
+from service.problems import ConflictError, NotFoundError, ParameterError, RateError
 from service.schemas import TuningRequest, canonical, computation
 from service.schemas.jobs import Job as JobModel
 from service.schemas.jobs import JobList, job_to_json, progress_to_json, summary_to_dict
+from service.schemas.parsing import Fault
 from solver.model.errors import InvalidInputError
 
 __all__ = [
+    "CallbackUrl",
     "IdempotencyKey",
     "JobId",
     "accepting",
+    "check_callback",
     "find_job",
     "may_reuse",
     "new_job",
@@ -56,6 +60,15 @@ IdempotencyKey = Annotated[
         description="A key of the caller's choice: the same key with the same request returns "
         "the job that it created first.",
         examples=["order-4711"],
+    ),
+]
+CallbackUrl = Annotated[
+    str | None,
+    Header(
+        alias="Callback-URL",
+        max_length=2000,
+        description="URL that gets a signed POST when all has ended, where the service allows it.",
+        examples=["https://plant.example/hooks/mutune"],
     ),
 ]
 Prefer = Annotated[
@@ -87,7 +100,10 @@ def _store(request: Request) -> Store:
     openapi_extra=bodies.described_body(TuningRequest),
 )
 async def post_tuning(
-    request: Request, idempotency_key: IdempotencyKey = None, prefer: Prefer = None
+    request: Request,
+    idempotency_key: IdempotencyKey = None,
+    prefer: Prefer = None,
+    callback_url: CallbackUrl = None,
 ) -> Response:
     """Accept a tuning as a job.
 
@@ -99,8 +115,11 @@ async def post_tuning(
     new = await asyncio.to_thread(
         new_job, body, configuration.max_time_limit, reuse=may_reuse(request)
     )
+    check_callback(request, callback_url)
     async with accepting():
-        job = await asyncio.to_thread(_store(request).submit, owner(request), new, idempotency_key)
+        job = await asyncio.to_thread(
+            _store(request).submit, owner(request), new, idempotency_key, callback_url
+        )
     request.app.state.dispatcher.wake()
     headers = {"Location": f"/v1/tunings/{job.id}"}
     seconds = _preferred_wait(prefer, configuration.max_wait)
@@ -145,6 +164,21 @@ def new_job(body: TuningRequest, longest: float, *, reuse: bool = True) -> NewJo
         reuse=reuse,
         identity=body.identity(),
     )
+
+
+def check_callback(request: Request, url: str | None) -> None:
+    """Refuse a URL that this service is not to call.
+
+    Raises
+    ------
+    ParameterError
+        It lies below none of the allowed ones.
+
+    """
+    if url is None or is_allowed(url, request.app.state.configuration.callback_urls):
+        return
+    message = "this service does not call that URL; see MUTUNE_CALLBACK_URLS"
+    raise ParameterError(message, faults=(Fault("/header/callback-url", message),))
 
 
 def may_reuse(request: Request) -> bool:
