@@ -99,6 +99,8 @@ def create_app(configuration: Configuration | None = None) -> FastAPI:
         docs_url=None,
         redoc_url=None,
         lifespan=_lifespan,
+        # Names of functions of clients that are generated: they stay when a path is put elsewhere.
+        generate_unique_id_function=lambda route: route.name,
     )
     app.state.configuration = configuration or Configuration()
     app.state.metrics = RequestMetrics()

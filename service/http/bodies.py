@@ -11,10 +11,19 @@ from pydantic import BaseModel
 from service.problems import BodyTooLargeError, MediaTypeError
 from service.schemas.parsing import parse
 
-__all__ = ["REFERENCE", "SHORT", "described_body", "read", "read_bytes"]
+__all__ = [
+    "NDJSON",
+    "REFERENCE",
+    "SHORT",
+    "described_body",
+    "described_lines",
+    "read",
+    "read_bytes",
+]
 
 REFERENCE = "#/components/schemas/{model}"
 
+NDJSON = "application/x-ndjson"
 _FORGOTTEN = 8_000_000  # bytes
 SHORT = 10_000  # bytes that are parsed in about a millisecond; more are in another thread
 
@@ -79,10 +88,21 @@ def check_media_type(request: Request) -> None:
         raise MediaTypeError(message, {"Accept-Post": "application/json"})
 
 
-def described_body(model: type[BaseModel]) -> dict[str, Any]:
+def described_lines(model: type[BaseModel]) -> dict[str, Any]:
+    """Return the OpenAPI content of lines of JSON, each of the form `model`."""
+    return {NDJSON: {"schema": model.model_json_schema(ref_template=REFERENCE)}}
+
+
+def described_body(
+    model: type[BaseModel], *, lines: type[BaseModel] | None = None
+) -> dict[str, Any]:
     """Return the OpenAPI description of a required body that `read` parses as `model`.
 
     The schema carries its parts in ``$defs``; `service.http.openapi` moves them to the components.
+    With `lines` the body may be lines of that form instead.
     """
     schema = model.model_json_schema(ref_template=REFERENCE)
-    return {"requestBody": {"required": True, "content": {"application/json": {"schema": schema}}}}
+    content = {"application/json": {"schema": schema}}
+    if lines is not None:
+        content |= described_lines(lines)
+    return {"requestBody": {"required": True, "content": content}}

@@ -32,9 +32,12 @@ def document(app: FastAPI) -> dict[str, Any]:
     components = result["components"]["schemas"]
     for operations in result["paths"].values():
         for method in _METHODS:
-            body = operations.get(method, {}).get("requestBody")
-            if body is not None:
-                _move_to_components(body["content"]["application/json"], components)
+            operation = operations.get(method, {})
+            parts = [operation.get("requestBody", {}), *operation.get("responses", {}).values()]
+            for part in parts:
+                for content in part.get("content", {}).values():
+                    if "title" in content["schema"]:
+                        _move_to_components(content, components)
     result["components"]["schemas"] = dict(sorted(components.items()))
     return result
 

@@ -9,12 +9,12 @@ from pydantic import BaseModel, Field
 
 from service.jobs.records import Batch as BatchRecord
 from service.jobs.records import BatchItem, JobStatus
-from service.problems import CancelledError, describe
+from service.problems import CancelledError, Problem, describe
 from service.schemas.fields import RequestModel
 from service.schemas.jobs import Timestamp, timestamp
-from service.schemas.tunings import EXAMPLE, BatchTuningRequest
+from service.schemas.tunings import EXAMPLE, BatchTuningRequest, TuningResult
 
-__all__ = ["Batch", "BatchList", "BatchRequest", "batch_to_json", "item_to_json"]
+__all__ = ["Batch", "BatchLine", "BatchList", "BatchRequest", "batch_to_json", "item_to_json"]
 
 MAX_ITEMS = 10_000
 _ID = "0c9a4f7e2b6d4e1f8a3c5d7e9b1f2a4c"
@@ -87,6 +87,17 @@ class Batch(BaseModel):
         description="Where to go from here.",
         examples=[{"self": f"/v1/batches/{_ID}", "results": f"/v1/batches/{_ID}/results"}],
     )
+
+
+class BatchLine(BaseModel):
+    """A line of the results of a batch: `result`, or `error` where there is none."""
+
+    index: int = Field(description="Place in the batch, from 0.", examples=[0])
+    id: str = Field(description="Identifier of the job.", examples=[_ID])
+    result: TuningResult | None = Field(
+        default=None, description="The settings found.", examples=[None]
+    )
+    error: Problem | None = Field(default=None, description="Why there are none.", examples=[None])
 
 
 class BatchList(BaseModel):

@@ -7,8 +7,11 @@ from typing import Any
 
 import httpx
 import pytest
+from fake_tune import BROKEN
+from samples import tuning
 
 import service.http.openapi
+from service.schemas.batches import BatchLine
 
 COMMITTED = Path(__file__).parents[2] / "openapi" / "openapi.json"
 
@@ -105,3 +108,38 @@ def test_every_answer_has_an_id_and_security_headers(client: httpx.Client) -> No
     assert made.headers["x-request-id"] != "a b\tc"
     assert made.headers["x-content-type-options"] == "nosniff"
     assert "default-src 'none'" in made.headers["content-security-policy"]
+
+
+def test_names_of_operations_stay(document: dict[str, Any]) -> None:
+    """Clients that are generated have functions of these names: new ones may come, none go."""
+    names = {
+        operation["operationId"]
+        for operations in document["paths"].values()
+        for operation in operations.values()
+    }
+    assert names >= {
+        "delete_batch", "delete_tuning", "follow_tuning", "get_batch", "get_figures",
+        "get_report", "get_results", "get_tuning", "healthz", "list_batches", "list_controllers",
+        "list_tunings", "metrics", "post_batch", "post_controller_forms", "post_decoupling",
+        "post_figures_robustness", "post_identify", "post_integrity", "post_interaction",
+        "post_limit", "post_parallel_drives", "post_physical_model", "post_relay_experiment",
+        "post_robustness", "post_step_response", "post_tuning", "readyz",
+    }  # fmt: skip
+
+
+def test_lines_of_results_are_typed(client: httpx.Client, document: dict[str, Any]) -> None:
+    """What comes validates as what the document says of each line; lines may be sent likewise."""
+    content = document["paths"]["/v1/batches/{batch_id}/results"]["get"]["responses"]["200"]
+    schema = content["content"]["application/x-ndjson"]["schema"]
+    assert schema == {"$ref": "#/components/schemas/BatchLine"}
+    sent = document["paths"]["/v1/batches"]["post"]["requestBody"]["content"]
+    assert sent["application/x-ndjson"]["schema"] == {
+        "$ref": "#/components/schemas/BatchTuningRequest"
+    }
+    body = {"tunings": [tuning(71), tuning(BROKEN)]}
+    links = client.post("/v1/batches", json=body).json()["links"]
+    lines = client.get(links["results"]).text.splitlines()
+    found = [BatchLine.model_validate_json(line) for line in lines]
+    assert [line.index for line in found] == [0, 1]
+    assert found[0].result is not None
+    assert found[1].error is not None

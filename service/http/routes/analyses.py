@@ -55,7 +55,7 @@ def _add(analysis: Analysis[Any, Any]) -> None:
         tags=["analyses"],
         summary=analysis.summary,
         description=analysis.description,
-        operation_id=f"post_{analysis.name}_v1_{analysis.resource.replace('-', '_')}_post",
+        operation_id=f"post_{analysis.name}",
         responses={
             200: described(analysis.result, analysis.outcome),
             **problems(*BODY_PROBLEMS, 503),

@@ -14,11 +14,12 @@ from fastapi.responses import StreamingResponse
 from service.batch.formats import Rows, SettingsForm
 from service.batch.request_lines import Item
 from service.batch.table import Table, write_csv
+from service.http import bodies
 from service.http.routes.batches import BatchId, find_batch
 from service.http.routes.common import problems
 from service.jobs.records import FINAL, BatchItem
 from service.jobs.store import Store
-from service.schemas.batches import item_to_json
+from service.schemas.batches import BatchLine, item_to_json
 
 __all__ = ["router"]
 
@@ -27,7 +28,6 @@ router = APIRouter(prefix="/v1/batches", tags=["tunings"])
 _LOOK = 0.5  # seconds between looks at what has ended out of turn
 _PAGE = 100  # items read from the database at once
 
-_NDJSON = "application/x-ndjson"
 _CSV = "text/csv"
 
 
@@ -42,7 +42,7 @@ _CSV = "text/csv"
             "`Accept: text/csv` a table once all have ended: the fields of the requests that "
             "differ, what was found, the settings.",
             "content": {
-                _NDJSON: {"schema": {"type": "string"}},
+                **bodies.described_lines(BatchLine),
                 _CSV: {"schema": {"type": "string"}},
             },
         },
@@ -84,7 +84,7 @@ async def get_results(
         return StreamingResponse(table, media_type=_CSV, headers=headers)
     stream = _in_order if order == "index" else _as_they_come
     lines = _lines(stream(request, batch_id, start), curves=curves)
-    return StreamingResponse(lines, media_type=_NDJSON, headers=headers)
+    return StreamingResponse(lines, media_type=bodies.NDJSON, headers=headers)
 
 
 async def _lines(pages: AsyncIterator[list[BatchItem]], *, curves: bool) -> AsyncIterator[str]:

@@ -26,6 +26,7 @@ from service.jobs.records import NewJob
 from service.problems import BodyTooLargeError, NotFoundError, describe
 from service.schemas.batches import Batch, BatchList, BatchRequest, batch_to_json
 from service.schemas.parsing import Fault, RequestError, parse_batch_tuning
+from service.schemas.tunings import BatchTuningRequest
 from solver.model.errors import InvalidInputError
 
 __all__ = ["BatchId", "find_batch", "router"]
@@ -58,7 +59,7 @@ BatchId = Annotated[
         },
         **problems(*BODY_PROBLEMS, 409, 429, 503),
     },
-    openapi_extra=bodies.described_body(BatchRequest),
+    openapi_extra=bodies.described_body(BatchRequest, lines=BatchTuningRequest),
 )
 async def post_batch(
     request: Request, idempotency_key: IdempotencyKey = None, callback_url: CallbackUrl = None
@@ -130,7 +131,7 @@ async def _texts(request: Request, others: dict[str, object]) -> AsyncIterator[b
     configuration = request.app.state.configuration
     stream = _limited(request, configuration.max_batch_bytes)
     media_type = request.headers.get("content-type", "").partition(";")[0].strip().lower()
-    if media_type == "application/x-ndjson":
+    if media_type == bodies.NDJSON:
         rest = b""
         async for chunk in stream:
             *lines, rest = (rest + chunk).split(b"\n")
