@@ -14,17 +14,18 @@ RUN /opt/mutune/bin/pip install --no-deps --no-build-isolation .
 
 FROM python:3.11-slim
 RUN useradd --system --uid 10001 --user-group --create-home --home-dir /var/lib/mutune mutune \
-    && install --directory --owner=mutune --group=mutune /var/cache/mutune
+    && chmod 0700 /var/lib/mutune
 COPY --from=build /opt/mutune /opt/mutune
 ENV PATH=/opt/mutune/bin:$PATH \
     PYTHONUNBUFFERED=1 \
+    PYTHONDONTWRITEBYTECODE=1 \
     OPENBLAS_NUM_THREADS=1 \
     MUTUNE_DATA_DIR=/var/lib/mutune \
-    NUMBA_CACHE_DIR=/var/cache/mutune
+    MUTUNE_API_KEYS_FILE=/var/lib/mutune/keys
+# Beside the modules, where any user reads the compiled kernels and nobody can change them.
+RUN env -u PYTHONDONTWRITEBYTECODE python -m solver.warm
 USER mutune
 WORKDIR /var/lib/mutune
-# As the user that will read the compiled kernels.
-RUN python -m solver.warm
 VOLUME /var/lib/mutune
 EXPOSE 8000
 HEALTHCHECK --interval=30s --timeout=5s --start-period=30s \

@@ -115,6 +115,10 @@ class Configuration(BaseSettings):
     callback_key_file: Path | None = Field(
         default=None, description="File of the secret that signs such notices, 32 bytes or more."
     )
+    security_contact: Annotated[str, Field(pattern=r"^(mailto:|https://|tel:)\S+$")] | None = Field(
+        default=None,
+        description="Whom to tell of vulnerabilities, mailto: or https:, for security.txt.",
+    )
     audit_file: Path | None = Field(
         default=None,
         description="File to which a line is added for each act; unset: they are in the log.",

@@ -20,6 +20,7 @@ from service.cli.connections import HEAD_BYTES, PunctualProtocol
 from service.cli.outcomes import ExitCode, is_loopback, reported, say
 from service.configuration import Configuration
 from service.http.app import create_app
+from service.keys import KeyFile
 
 __all__ = ["serve"]
 
@@ -134,6 +135,7 @@ def serve(
     except OSError as error:
         say(f"error: {host}:{port}: {error.strerror}")
         return ExitCode.CANNOT_START
+    _warn_of_missing_keys(configuration)
     server = _Server(app, config)
     scheme = "http" if certfile is None else "https"
     logger.info("will serve at %s://%s:%d", scheme, host, listening.getsockname()[1])
@@ -141,6 +143,17 @@ def serve(
     with listening, contextlib.suppress(KeyboardInterrupt):
         server.run([listening])
     return ExitCode.DONE
+
+
+def _warn_of_missing_keys(configuration: Configuration) -> None:
+    """Say what is missing where nobody could call: the first thing that a new container shows."""
+    path = configuration.api_keys_file
+    if path is not None and not KeyFile(path).all():
+        logger.warning(
+            "%s holds no API keys, so every request is refused; make one with the same "
+            "MUTUNE_API_KEYS_FILE, at any time: mutune keys create NAME",
+            path,
+        )
 
 
 def _bound(host: str, port: int) -> socket.socket:

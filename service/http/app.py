@@ -34,6 +34,7 @@ from service.http.routes import (
     page,
     tables,
     tunings,
+    well_known,
 )
 from service.http.routes.common import problems
 from service.jobs import database, encryption
@@ -72,7 +73,7 @@ _TAGS = [
 
 # Resources that need an API key, where the service has keys, and those that never do.
 _FOR_CALLERS = (tunings, batches, batch_results, analyses, figures, tables)
-_FOR_EVERYBODY = (controllers, examples, health, page)
+_FOR_EVERYBODY = (controllers, examples, health, page, well_known)
 
 
 def create_app(configuration: Configuration | None = None) -> FastAPI:
