@@ -18,7 +18,7 @@ __all__ = ["Question", "identify_files"]
 
 @dataclass(frozen=True)
 class Question:
-    """What is asked of the files; the names of the columns are separated by commas."""
+    """What to identify from the files; the names of the columns are separated by commas."""
 
     time: str
     inputs: str

@@ -1,4 +1,4 @@
-"""Records and what is asked of them, and the plant that they tell, as JSON."""
+"""An identification: records and questions, and the plant that they tell, as JSON."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ Signals = Annotated[dict[str, Readings], Field(min_length=1, max_length=MAX_SIGN
 
 @dataclass(frozen=True, eq=False)
 class IdentificationTask:
-    """Records of the solver, and what is asked of them."""
+    """Records of the solver, and the assumptions under which they are fitted."""
 
     used: tuple[Record, ...]
     kept_back: tuple[Record, ...]

@@ -8,11 +8,8 @@ from __future__ import annotations
 from typing import Any
 
 from service.analyses.interaction.drawn import DrawnInteraction
-from service.analyses.interaction.models import (
-    EXAMPLE,
-    InteractionRequest,
-    InteractionResult,
-)
+from service.analyses.interaction.request import EXAMPLE, InteractionRequest
+from service.analyses.interaction.result import InteractionResult
 from service.analyses.interaction.table import table
 from service.analysis import Analysis, Figures
 from service.schemas.encoding import encode

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from service.analyses.interaction.models import (
+from service.analyses.interaction.result import (
     InteractionResult,
     LoopEffectResult,
     PairingRanking,

@@ -8,7 +8,8 @@ from __future__ import annotations
 from typing import Any
 
 from service.analyses.relay.drawn import DrawnRelayExperiment
-from service.analyses.relay.models import EXAMPLE, RelayExperimentRequest, RelayExperimentResult
+from service.analyses.relay.request import EXAMPLE, RelayExperimentRequest
+from service.analyses.relay.result import RelayExperimentResult
 from service.analyses.relay.table import table
 from service.analysis import Analysis, Figures
 from service.schemas.encoding import encode

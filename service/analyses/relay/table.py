@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from service.analyses.relay.models import (
+from service.analyses.relay.result import (
     LimitCycle,
     PeriodicSolution,
     Regime,

@@ -1,7 +1,4 @@
-"""Simulate responses to steps.
-
-Return how a plant and its loops move after steps, dead time exact.
-"""
+"""A step response request as JSON."""
 
 from __future__ import annotations
 
@@ -9,22 +6,16 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, JsonValue
+from pydantic import ConfigDict, Field, JsonValue
 
 import solver.model.plants
 import solver.model.weights
 import solver.simulation.directions
 import solver.simulation.step_response
-from service.analysis import Analysis, Figures
-from service.effort import Effort, of_different_loops
-from service.printing import Grid, Line, Part
-from service.schemas.drawn import DrawnStepResponse
-from service.schemas.encoding import encode
 from service.schemas.fields import (
     WHOLE,
     AnalysisRequest,
     Coefficient,
-    IdentifiedResult,
     PositiveTime,
     RequestModel,
     Time,
@@ -33,15 +24,15 @@ from service.schemas.fields import (
 from service.schemas.loops_in_time import InputLimits, SimulatedLoop, Size, TimeStep
 from service.schemas.perturbations import Perturbation, WorstCasePerturbation
 from service.schemas.plants import Plant
-from service.wording import number, units_text
 from solver.model.errors import InvalidInputError
 from solver.model.plants import MAX_MATRIX_SIZE, MAX_UNITS
 from solver.model.transfer_function import LARGEST
 from solver.simulation.experiment import MAX_SAMPLES, Experiment, Step, StepKind
 
-__all__ = ["ANALYSIS", "StepResponseRequest", "StepResponseResult"]
+__all__ = ["EXAMPLE", "StepResponseRequest", "StepResponseTask"]
 
 _MAX_STEPS = 1000
+
 _PLANT: JsonValue = {
     "kind": "first_order",
     "n": 2,
@@ -50,12 +41,16 @@ _PLANT: JsonValue = {
     "interaction": 0.949,
     "dead_time": 1.0,
 }
+
 _LOOPS: JsonValue = [
     {"gain": 46.3, "integral_time": 101.0, "derivative_time": None},
     {"gain": 22.8, "integral_time": 3.15, "derivative_time": None},
 ]
+
 _DIRECTION: JsonValue = {"kind": "difficult", "size": 1.0, "time": 0.0}
+
 _STEPS: JsonValue = [{"kind": "load", "unit": 0, "time": 100.0, "size": 0.1}]
+
 EXAMPLE: dict[str, JsonValue] = {
     "plant": _PLANT,
     "loops": _LOOPS,
@@ -64,13 +59,6 @@ EXAMPLE: dict[str, JsonValue] = {
     "duration": 200.0,
     "samples": 401,
 }
-_ENDS = {
-    "complete": "Simulated up to {}.",
-    "bound": "Ended at {}: an output left its bound, the loops are unstable.",
-    "step_limit": "Ended at {}: too many steps; simulate less long, or leave out a tiny dead time.",
-}
-# Nine columns in 80 characters: four digits, short heads.
-_HEADS = ("unit", "rise", "settle", "over", "IAE", "ISE", "max |e|", "var u", "y end")
 
 Samples = Annotated[int, Field(ge=2, le=MAX_SAMPLES, json_schema_extra={"x-unit": "1"}), WHOLE]
 
@@ -248,194 +236,3 @@ class StepResponseRequest(AnalysisRequest):
                 message = f"row {index} has {len(row)} entries, {len(self.distribution)} are needed"
                 raise InvalidInputError(message, f"/distribution/{index}")
         return np.array(self.distribution)
-
-
-Series = list[float | None]
-
-
-class SetPointMeasures(BaseModel):
-    """Response of one output to its set-point change, up to the next step of any unit."""
-
-    rise_time: float | None = Field(
-        description="From 10 to 90 per cent of the change; null: 90 were not reached.",
-        examples=[8.62],
-        json_schema_extra={"x-unit": "time"},
-    )
-    settling_time: float | None = Field(
-        description="Until the error stays within 2 per cent of the change; null: it did not.",
-        examples=[78.1],
-        json_schema_extra={"x-unit": "time"},
-    )
-    overshoot: float | None = Field(
-        description="Largest excess over the set point, as a fraction of the change.",
-        examples=[0.19],
-    )
-
-
-class EventMeasures(BaseModel):
-    """Measures of a closed loop from one event on any unit to the next."""
-
-    start: float = Field(
-        description="The event.", examples=[0.0], json_schema_extra={"x-unit": "time"}
-    )
-    end: float = Field(
-        description="The next one, or the end.",
-        examples=[300.0],
-        json_schema_extra={"x-unit": "time"},
-    )
-    change: float = Field(description="Of the loop's own set point; 0: none.", examples=[1.0])
-    set_point: SetPointMeasures | None = Field(
-        description="The response to that change; null: there is none.", examples=[None]
-    )
-    error_before: float | None = Field(
-        description="Set point minus output right before the event.", examples=[0.0]
-    )
-    error_after: float | None = Field(description="The same right after it.", examples=[1.0])
-    largest_error: float | None = Field(description="Largest |error| after it.", examples=[1.0])
-    absolute_error: float | None = Field(description="Integral of |error|.", examples=[15.3])
-    input_variation: float | None = Field(
-        description="Total variation of the input, the jump at the event included.",
-        examples=[114.4],
-    )
-
-
-_SET_POINT: JsonValue = {"rise_time": 8.62, "settling_time": 78.1, "overshoot": 0.19}
-
-
-class Measures(BaseModel):
-    """Measures of a unit's response, over all time unless said otherwise."""
-
-    set_point: SetPointMeasures | None = Field(
-        description="Of its first set-point change; null: there is none, or the loop is open.",
-        examples=[_SET_POINT],
-    )
-    events: list[EventMeasures] = Field(
-        description="From each event to the next, the first hundred; empty for an open loop.",
-        examples=[[]],
-    )
-    absolute_error: float | None = Field(
-        description="Integral of |error| (IAE); null for an open loop.", examples=[15.3]
-    )
-    squared_error: float | None = Field(
-        description="Integral of the squared error (ISE); null for an open loop.", examples=[8.6]
-    )
-    largest_error: float | None = Field(
-        description="Largest |error|; null for an open loop.", examples=[1.22]
-    )
-    input_variation: float | None = Field(
-        description="Total variation of the input.", examples=[114.4]
-    )
-
-
-class UnitTraces(BaseModel):
-    """Signals and measures of units that move alike."""
-
-    units: list[int] = Field(description="The units, from 0.", examples=[[0]])
-    set_point: Series = Field(description="Set point.", examples=[[1.0, 1.0]])
-    output: Series = Field(description="Output.", examples=[[0.0, 0.9]])
-    input: Series = Field(
-        description="Input within its limits, before a perturbation.", examples=[[40.0, 1.2]]
-    )
-    metrics: Measures = Field(
-        description="Rise, settling, overshoot, errors, variation.",
-        examples=[
-            {
-                "set_point": _SET_POINT,
-                "events": [],
-                "absolute_error": 15.3,
-                "squared_error": 8.6,
-                "largest_error": 1.22,
-                "input_variation": 114.4,
-            }
-        ],
-    )
-
-
-class StepResponseResult(IdentifiedResult):
-    """Time responses, right up to the last time whatever ended them; samples are right-sided."""
-
-    end: Literal["complete", "bound", "step_limit"] = Field(
-        description="complete: the whole time was simulated. bound: an output exceeded its bound, "
-        "as those of an unstable loop do. step_limit: too many steps; simulate less long, or "
-        "leave out a tiny dead time.",
-        examples=["complete"],
-    )
-    time: list[float] = Field(description="Times.", examples=[[0.0, 10.0]])
-    responses: list[UnitTraces] = Field(
-        description="One entry for each kind of unit: those with equal loops and steps move alike.",
-        examples=[[]],
-    )
-
-
-def compute(request: StepResponseRequest) -> dict[str, Any]:
-    """Return the responses that the request asks for."""
-    document: dict[str, Any] = encode(request.build().simulate())
-    return document
-
-
-def table(result: StepResponseResult) -> list[Part]:
-    """Return how the simulation ended, and the measures of each unit."""
-    rows = []
-    for response in result.responses:
-        metrics = response.metrics
-        reached = metrics.set_point
-        values = (
-            None if reached is None else reached.rise_time,
-            None if reached is None else reached.settling_time,
-            None if reached is None else reached.overshoot,
-            metrics.absolute_error,
-            metrics.squared_error,
-            metrics.largest_error,
-            metrics.input_variation,
-            response.output[-1],
-        )
-        rows.append((units_text(response.units), *(number(value, 4) for value in values)))
-    headline = _ENDS[result.end].format(number(result.time[-1]))
-    parts: list[Part] = [Line(headline, "strong"), Grid(_HEADS, rows)]
-    later = [
-        (
-            units_text(response.units),
-            number(event.start, 4),
-            number(event.change, 4),
-            number(event.set_point.rise_time, 4),
-            number(event.set_point.settling_time, 4),
-            number(event.set_point.overshoot, 4),
-        )
-        for response in result.responses
-        for event in response.metrics.events
-        if event.set_point is not None and event.set_point != response.metrics.set_point
-    ]
-    if later:
-        heads = ("units", "later change at", "by", "rise", "settling", "overshoot")
-        parts.append(Grid(heads, later))
-    return parts
-
-
-def draw(result: DrawnStepResponse, unit: str) -> dict[str, Any]:
-    """Return the signals."""
-    from service.figures.document import figures_to_json
-    from service.figures.responses import step_response
-
-    return figures_to_json({"step_response": step_response(result, unit)})
-
-
-def _effort(task: StepResponseTask) -> Effort | None:
-    if task.demand is None:
-        return None
-    loops = [loop for loop in task.experiment.loops if loop is not None]
-    return of_different_loops(len(set(loops)))
-
-
-ANALYSIS = Analysis(
-    name="step_response",
-    resource="step-responses",
-    text=__doc__,
-    outcome="The responses.",
-    request=StepResponseRequest,
-    result=StepResponseResult,
-    compute=compute,
-    computes_with=("solver.simulation.step_response", "solver.simulation.worst_actuators"),
-    table=table,
-    effort=_effort,
-    figures=Figures(of="a step response", drawn=DrawnStepResponse, draw=draw),
-)
