@@ -27,6 +27,7 @@ __all__ = ["WEAKEST", "Candidate", "ExactDescent"]
 
 POINTS_PER_DECADE = 22
 SETTLED = 1e-8  # excess of the demand anywhere on the axis at which the last descent may end
+TRIFLE = 1e-5  # of s, for which no other optimum is made exact
 NEARLY_ACTIVE = 0.05  # excess of the demand from which a peak is followed
 WEAKEST = 1e-12  # gain of a direction over that of the strongest one
 FIRST_ZOOMS = 2  # rounds of zooming before a peak is followed
@@ -70,7 +71,7 @@ class ExactDescent:
         """Descend with the peaks followed, until the value is that of the whole axis.
 
         None where no settings near `theta` meet the demand between the grid's points too. Ends
-        early where the value cannot fall below `beaten`.
+        early where the value does not fall below `beaten` by a trifle.
         """
         omega = self.objective.omega
         peaks = self._peaks_between(self.objective.evaluate(theta))
@@ -83,13 +84,16 @@ class ExactDescent:
                 here = self._restored(objective, theta)
             if not math.isfinite(here.merit):
                 break
-            here = self.phases.best(objective, here, EXACT)
+            if math.isfinite(beaten):
+                here = self.phases.best(objective, here, TRIFLE)
+            if not here.merit > beaten - TRIFLE:
+                here = self.phases.best(objective, here, EXACT)
             before, candidate = candidate, self.measure(here.theta, here.s)
             if best is None or candidate.value < best.value:
                 best = candidate
             stuck = before is not None and abs(candidate.value - before.value) < SETTLED
             # Here is the least value for fewer frequencies than there are.
-            if stuck or candidate.excess <= SETTLED or here.merit > beaten:
+            if stuck or candidate.excess <= SETTLED or here.merit > beaten - TRIFLE:
                 break
             # Some peak was not followed, or is a kink, which no parabola meets: follow it from now
             # on, and hold it at its place too.

@@ -234,7 +234,17 @@ class LoopObjective:
         `FORBIDDEN` where there is none. Says nothing about stability.
         """
         y = np.zeros((omega.size, self.blocks.n_scales))
-        level = self._sweep(self._samples(omega), theta, y, FINE, cold=True)[0]
+        return self._levels(theta, omega, y, cold=True)
+
+    def _levels(
+        self,
+        theta: NDArray[np.float64],
+        omega: NDArray[np.float64],
+        y: NDArray[np.float64],
+        *,
+        cold: bool,
+    ) -> NDArray[np.float64]:
+        level = self._sweep(self._samples(omega), theta, y, FINE, cold=cold)[0]
         return np.maximum(level, FORBIDDEN)
 
     def _followed(self, theta: NDArray[np.float64], near: Evaluation) -> NDArray[np.float64]:
@@ -244,19 +254,20 @@ class LoopObjective:
         as near as the farthest point.
         """
         log_peaks, row = np.log(near.peaks), np.arange(near.peaks.size)
+        scales = near.y[-near.peaks.size :]
         for around in AROUND:
             points = log_peaks + around[:, None]
             omega = np.exp(points.ravel())
-            excess = self.goal.demand(near.s, omega)[0] - self.levels(theta, omega)
-            excess = excess.reshape(points.shape)
-            top = np.clip(excess.argmax(axis=0), 1, around.size - 2)
+            y = np.tile(scales, (around.size, 1))
+            level = self._levels(theta, omega, y, cold=False)
+            excess = (self.goal.demand(near.s, omega)[0] - level).reshape(points.shape)
+            top = np.minimum(np.maximum(excess.argmax(axis=0), 1), around.size - 2)
             low, middle, high = (points[top + i, row] for i in (-1, 0, 1))
             left, here, right = (excess[top + i, row] for i in (-1, 0, 1))
             rise, fall = (here - left) / (middle - low), (here - right) / (high - middle)
-            vertex = 0.5 * (low + middle) + 0.5 * (high - low) * rise / np.maximum(
-                rise + fall, TINY
-            )
-            log_peaks = np.clip(vertex, low, high)
+            share = rise / np.maximum(rise + fall, TINY)
+            vertex = 0.5 * (low + middle) + 0.5 * (high - low) * share
+            log_peaks = np.minimum(np.maximum(vertex, low), high)
         return np.exp(log_peaks)
 
     def _sweep(

@@ -24,7 +24,6 @@ from solver.optimality.record import SettingsProblem
 from solver.stability.closed_loop import unstable_poles
 from solver.tuning.alone import LoopsAlone
 from solver.tuning.bounds import gain_signs, search_region
-from solver.tuning.clock import OutOfTimeError
 from solver.tuning.demand_checks import outcomes, planes
 from solver.tuning.exact import WEAKEST, Candidate, ExactDescent
 from solver.tuning.goals import MuGoal, TauGoal
@@ -336,26 +335,37 @@ class GroupingSearch:
         """Replace the best optima of the grid by exact ones, and return those.
 
         The grid sees less than the whole axis, so an optimum whose value on it is already above an
-        exact one stays as it is.
+        exact one stays as it is. The others are sought again on a grid that has the exact one's
+        peaks: as a rule they are no other optima then.
         """
-        rough, self.optima = self.optima, []
+        left, self.optima = self.optima, []
         found: list[Candidate] = []
-        best, attempts = math.inf, 0
+        best = math.inf
         try:
-            for optimum in rough:
-                if optimum.value > best:
-                    self._remember(optimum, optimum.count)
-                elif attempts < POLISHED:
-                    attempts += 1
-                    candidate = self.exact.descend(optimum.theta, best)
-                    if candidate is not None:
-                        found.append(candidate)
-                        best = min(best, candidate.value)
-                        self._remember(candidate, optimum.count)
-        except OutOfTimeError:
-            self.optima = self.optima or rough  # they are still the best there is
-            raise
+            for _ in range(POLISHED):
+                if not left or left[0].value > best - ROUGH:
+                    break
+                candidate = self.exact.descend(left[0].theta, best)
+                if candidate is not None:
+                    found.append(candidate)
+                    best = min(best, candidate.value)
+                    self._remember(candidate, left[0].count)
+                left = left[1:]
+                if candidate is not None and left and left[0].value <= best - ROUGH:
+                    self.look_at(candidate.peaks)
+                    left = sorted(map(self._again, left), key=lambda optimum: optimum.value)
+        finally:  # where time runs out they are still the best there is
+            for optimum in left:
+                self._remember(optimum, optimum.count)
         return found
+
+    def _again(self, optimum: Optimum) -> Optimum:
+        """Return what becomes of an optimum on a finer grid."""
+        here = self.objective.evaluate(optimum.theta)
+        if not math.isfinite(here.merit):
+            return replace(optimum, value=math.inf)
+        found = self.phases.best(self.objective, here, ROUGH, self._is_known)
+        return replace(_of_grid(found), count=optimum.count)
 
     def accepts(self, theta: NDArray[np.float64]) -> bool:
         """Whether the loops are stable and meet every demand beside that on mu."""
