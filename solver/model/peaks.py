@@ -13,11 +13,12 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-__all__ = ["Peak", "highest", "local_peaks", "slices", "tops", "zoom"]
+__all__ = ["Peak", "greatest", "highest", "local_peaks", "maxima", "slices", "tops", "zoom"]
 
 SECTIONS = 32  # of a bracket; each round keeps two of them
 WITHIN = 0.1  # of the greatest value: lower maxima are not refined
-ROUNDS = 3  # 16^3 = 4,096: a smooth peak is then right to 1e-8 of its drop over the bracket
+ROUNDS = 3  # 16^3 = 4,096: a smooth peak is then right to 1e-8 of its drop over the bracket,
+FINE_ROUNDS = 4  # 16^4: a kink to 1e-5 of it
 
 
 @dataclass(frozen=True)
@@ -140,7 +141,23 @@ def highest(
     curves: Callable[[list[NDArray[np.float64]]], list[NDArray[np.float64]]],
     grids: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]],
 ) -> tuple[Peak, ...]:
-    """Return the greatest refined peak of each of several curves, zoomed into side by side.
+    """Return the greatest refined peak of each of several curves; parameters as for `maxima`."""
+    return tuple(greatest(*found) for found in maxima(curves, grids))
+
+
+def greatest(omega: NDArray[np.float64], values: NDArray[np.float64]) -> Peak:
+    """Return the highest of several maxima (r,)."""
+    best = int(values.argmax())
+    return Peak(float(values[best]), float(omega[best]))
+
+
+def maxima(
+    curves: Callable[[list[NDArray[np.float64]]], list[NDArray[np.float64]]],
+    grids: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]],
+) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    """Return the maxima of each of several curves, zoomed into side by side.
+
+    Those that cannot be a curve's greatest are not refined to the end.
 
     Parameters
     ----------
@@ -148,6 +165,11 @@ def highest(
         Values of each curve, (k_i,), at frequencies of its own, (k_i,).
     grids : sequence of (k_i,), (k_i,)
         Ascending frequencies for each curve, and the curve there.
+
+    Returns
+    -------
+    list of (r_i,), (r_i,)
+        For each curve the frequencies of its maxima, and the values there.
 
     """
     brackets = [_brackets(omega, values, WITHIN) for omega, values in grids]
@@ -160,14 +182,9 @@ def highest(
 
     where, heights = zoom(
         side_by_side, *(np.concatenate(column) for column in zip(*brackets, strict=True)),
-        sections=SECTIONS, rounds=ROUNDS, rivals=owner,
+        sections=SECTIONS, rounds=FINE_ROUNDS, rivals=owner,
     )  # fmt: skip
-    peaks = []
-    for index in range(len(grids)):
-        mine = owner == index
-        best = int(heights[mine].argmax())
-        peaks.append(Peak(float(heights[mine][best]), float(where[mine][best])))
-    return tuple(peaks)
+    return [(where[owner == index], heights[owner == index]) for index in range(len(grids))]
 
 
 def slices(arrays: Sequence[NDArray[np.float64]]) -> list[slice]:

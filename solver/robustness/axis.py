@@ -21,7 +21,7 @@ from solver.certificate.record import Claim
 from solver.certificate.reduction import MAX_SETTINGS, settings_of
 from solver.model.blocks import group_loops
 from solver.model.errors import InvalidInputError
-from solver.model.peaks import Peak, tops, zoom
+from solver.model.peaks import Peak, greatest, tops, zoom
 from solver.robustness.curves import LoopAnalysis
 from solver.robustness.enclosed_forms import NOMINAL, ROBUST, STABILITY, TURN
 from solver.robustness.march import march
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from solver.model.plants import Plant
     from solver.model.weights import Performance, Uncertainty
 
-__all__ = ["BRACKET", "AxisPeaks", "proven_count", "proven_peaks", "require_bounded"]
+__all__ = ["BRACKET", "AxisPeaks", "kept", "proven_count", "proven_peaks", "require_bounded"]
 
 BRACKET = 1e-4  # relative width of what is proven; a touch of the level cannot be
 FIRST_STEP = 0.7  # log(ratio) of the ends of the first interval
@@ -55,8 +55,10 @@ SECTIONS, ROUNDS = 32, 4  # of a refinement: 16^4, a peak right to 1e-9 of its d
 NEAR = 3 * BRACKET  # maxima so far below the highest may be the highest once refined
 PER_DECADE = 12.0  # points that carry D-scales beyond the grid
 MAX_POLISHED = 20
+CLEAR = 0.98  # of a level: sampled peaks below it are proven to be below the level, not sought
 FURTHER = 1e4  # below the grid, where |w_P S| is level or grows in inverse proportion
 NAMED = 5  # loops in a message
+NONE = np.empty(0)
 RESOLVING, BEND, MAX_SAMPLES = 12, 0.02, 20_000  # rounds, in log of the curve, in all
 
 
@@ -117,13 +119,10 @@ def proven_peaks(
     omega = analysis.omega
     sampled = [analysis.level(kind, omega) for kind in (ROBUST, STABILITY, NOMINAL)]
     curves = Curves(omega, *(values for values, _ in sampled))
-    first = analysis.peaks(curves)
     searches = [
-        _CurveSearch(analysis, compiled, kind, peak)
-        for kind, peak in (
-            (ROBUST, first.robust_performance),
-            (STABILITY, first.robust_stability),
-            (NOMINAL, first.nominal_performance),
+        _CurveSearch(analysis, compiled, kind, greatest(*found), refined=found[0])
+        for kind, found in zip(
+            (ROBUST, STABILITY, NOMINAL), analysis.maxima(curves), strict=True
         )
     ]
     for search, samples in zip(searches, sampled, strict=True):
@@ -141,6 +140,40 @@ def proven_peaks(
         curves,
         unstable,
     )
+
+
+def kept(
+    plant: Plant,
+    uncertainty: Uncertainty,
+    performance: Performance,
+    loops: Sequence[Controller],
+    level: float,
+) -> tuple[bool, bool]:
+    """Whether mu of robust stability, and of robust performance, stays at or below a level.
+
+    Parameters, errors: as for `proven_peaks`. Where that needs no peak, none is sought: a sample
+    above the level is enough to deny it, a proof far above all samples to affirm it.
+    """
+    blocks, controllers = group_loops(plant, loops, uncertainty, performance.output_scale)
+    analysis = LoopAnalysis(blocks, controllers, uncertainty, performance)
+    require_bounded(analysis, loops)
+    compiled = _compiled(plant, uncertainty, performance, loops)
+    omega = analysis.omega
+    verdicts = []
+    for curve in (ROBUST, STABILITY):
+        values, d = analysis.level(curve, omega)
+        top = int(np.argmax(values))
+        if values[top] <= level:
+            start = level / (1 + BRACKET) if values[top] < CLEAR * level else float(values[top])
+            search = _CurveSearch(analysis, compiled, curve, Peak(start, float(omega[top])))
+            search.take(omega, values, d)
+            search.close()
+            verdicts.append(search.peak.value <= level)
+        else:
+            verdicts.append(False)
+        if verdicts[-1]:  # what keeps robust performance keeps robust stability
+            break
+    return verdicts[-1], verdicts[0]
 
 
 def require_bounded(analysis: LoopAnalysis, loops: Sequence[Controller]) -> None:
@@ -232,11 +265,14 @@ class _CurveSearch:
         compiled: tuple[Tables, Scratch] | None,
         curve: int,
         peak: Peak,
+        *,
+        refined: NDArray[np.float64] = NONE,
     ) -> None:
         self.analysis = analysis
         self.compiled = compiled
         self.curve = curve
         self.peak = peak
+        self.refined = refined
         self.reason: str | None = None
         self.omega: NDArray[np.float64] = np.empty(0)
         self.values: NDArray[np.float64] = np.empty(0)
@@ -291,6 +327,9 @@ class _CurveSearch:
         start = float(self.analysis.omega[-1 if upper else 0])
         ends = (start * factor ** np.arange(TAIL_STEPS)).astype(np.float64)
         ends = ends[(ends < 1e200) & (ends > 1e-200)]
+        place = -1 if upper else 0
+        if self._holds_beyond(T, S, start, self.y[place], self.peak.value, upper=upper):
+            return start
         # Inside the interval, where one set of scales serves best.
         inside = 2 * ends if upper else 0.5 * ends
         for first in range(0, ends.size, 3):
@@ -299,7 +338,8 @@ class _CurveSearch:
             sound = np.isfinite(values) & np.isfinite(d).all(axis=1)
             self.take(inside[part][sound], values[sound], d[sound])
             for end, y in zip(ends[part][sound].tolist(), 2 * np.log(d[sound]), strict=True):
-                if not self._holds_beyond(T, S, end, y, upper=upper):
+                bracket = (1 + BRACKET) * self.peak.value
+                if not self._holds_beyond(T, S, end, y, bracket, upper=upper):
                     continue
                 limits = end * LIMITS if upper else end / LIMITS
                 decades = abs(math.log10(end / start))
@@ -309,9 +349,16 @@ class _CurveSearch:
         return None
 
     def _holds_beyond(
-        self, T: Tables, S: Scratch, end: float, y: NDArray[np.float64], *, upper: bool
+        self,
+        T: Tables,
+        S: Scratch,
+        end: float,
+        y: NDArray[np.float64],
+        level: float,
+        *,
+        upper: bool,
     ) -> bool:
-        """Whether the curve is proven from `end` to infinity, or down to 0."""
+        """Whether the curve is proven below a level from `end` to infinity, or down to 0."""
         analysis = self.analysis
         plant = analysis.blocks.plant
         if upper and plant.n == 1 and any_phase(plant):
@@ -319,12 +366,12 @@ class _CurveSearch:
                 plant, analysis.uncertainty, analysis.performance, analysis.controllers[0],
                 curve=self.curve, end=end,
             )  # fmt: skip
-            if bound <= (1 + BRACKET) * self.peak.value:
+            if bound <= level:
                 return True
         low, high = (end, math.inf) if upper else (0.0, end)
         reached, _, _ = march(
             T, S, np.array([0.0, 1.0]), np.tile(y, (2, 1)), low, high, 1.0, 0.0, 1,
-            ((1 + BRACKET) * self.peak.value) ** 2, self.curve, np.zeros(T.multiplicity.size),
+            level**2, self.curve, np.zeros(T.multiplicity.size),
         )  # fmt: skip
         return bool(reached >= high)
 
@@ -378,5 +425,10 @@ class _CurveSearch:
         """Refine the maxima that may be the highest: the bracket says no more than 1e-4."""
         near = self.values >= (1 - NEAR) * self.peak.value
         highest = np.flatnonzero(tops(self.values) & near)
+        # Those between whose neighbours a refined one lies are known.
+        low = self.omega[np.maximum(highest - 1, 0)]
+        high = self.omega[np.minimum(highest + 1, self.omega.size - 1)]
+        known = (self.refined >= low[:, None]) & (self.refined <= high[:, None])
+        highest = highest[~known.any(axis=1)]
         if highest.size:
             self._refine(highest[np.argsort(-self.values[highest])][:MAX_POLISHED])

@@ -15,7 +15,7 @@ import numpy as np
 
 from solver.model.blocks import LoopBlocks
 from solver.model.frequencies import corners, grid, low_end, reach, resonances
-from solver.model.peaks import highest, slices
+from solver.model.peaks import greatest, maxima, slices
 from solver.mu.kernel import FINE
 from solver.mu.scaling import sweep
 from solver.mu.structure import sigma_max
@@ -114,6 +114,10 @@ class LoopAnalysis:
 
     def peaks(self, curves: Curves) -> Peaks:
         """Peaks of the three curves, refined from those on a grid."""
+        return Peaks(*(greatest(*found) for found in self.maxima(curves)))
+
+    def maxima(self, curves: Curves) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+        """Maxima of the three curves, refined from those on a grid: frequencies and values."""
 
         def side_by_side(parts: list[NDArray[np.float64]]) -> list[NDArray[np.float64]]:
             loop = self._at(np.concatenate(parts))
@@ -122,7 +126,7 @@ class LoopAnalysis:
             ]
 
         on_grid = curves.robust_performance, curves.robust_stability, curves.nominal_performance
-        return Peaks(*highest(side_by_side, [(curves.omega, curve) for curve in on_grid]))
+        return maxima(side_by_side, [(curves.omega, curve) for curve in on_grid])
 
     @property
     def _curves(self) -> tuple[Callable[[_KernelData], NDArray[np.float64]], ...]:

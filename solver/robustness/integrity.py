@@ -28,7 +28,7 @@ from solver.model.given import require_loops, require_weights
 from solver.model.peaks import Peak
 from solver.model.plants import ParallelPlant
 from solver.model.subsystems import interchangeable, subsystem
-from solver.robustness.axis import proven_peaks, require_bounded
+from solver.robustness.axis import kept, proven_peaks, require_bounded
 from solver.robustness.curves import LoopAnalysis
 from solver.robustness.record import Guarantee, GuaranteeStatus
 from solver.robustness.subset_peaks import peaks
@@ -201,9 +201,7 @@ def service_classes(
             "analysed; give more loops equal settings"
         )
         raise InvalidInputError(message, "/loops")
-    kinds = sorted(
-        itertools.product(*(range(len(group), -1, -1) for group in groups)), key=sum, reverse=True
-    )[:-1]
+    kinds = _kinds(groups)
     controllers = tuple(loops[group[0]] for group in groups)
     sets = Subsets(plant, controllers, np.array(kinds, dtype=float))
     stable = sets.unstable_poles() == 0
@@ -224,7 +222,7 @@ def service_classes(
     return tuple(
         ServiceClass(
             kind,
-            math.prod(math.comb(len(group), k) for group, k in zip(groups, kind, strict=True)),
+            _count(groups, kind),
             good,
             *(next(found) if good else (None, None, None)),
         )
@@ -248,7 +246,7 @@ def _proven(
     groups = interchangeable(plant, loops, uncertainty, performance.output_scale)
     found = []
     for kind in kinds:
-        units = sorted(unit for group, k in zip(groups, kind, strict=True) for unit in group[:k])
+        units = _units(groups, kind)
         if whole is not None and len(units) == plant.n:
             top, guarantee = whole
             found.append((top.robust_stability, top.robust_performance, guarantee))
@@ -304,27 +302,74 @@ def in_one_line(
     count = math.prod(len(group) + 1 for group in groups) - 1
     if count * len(groups) ** 2 > MAX_IN_PASSING:
         return f"loops out of service: {_number(count)} kinds of sets, not analysed in passing"
-    return summarise(service_classes(plant, uncertainty, performance, loops, whole=whole))
+    kinds = _kinds(groups)
+    if len(kinds) > MAX_PROVEN:
+        return summarise(service_classes(plant, uncertainty, performance, loops, whole=whole))
+    sets = Subsets(plant, tuple(loops[group[0]] for group in groups), np.array(kinds, dtype=float))
+    rows = []
+    for kind, stable in zip(kinds, (sets.unstable_poles() == 0).tolist(), strict=True):
+        robust = performing = False
+        units = _units(groups, kind)
+        if stable and len(units) == plant.n and whole is not None:
+            top = whole[0]
+            robust, performing = _kept(top.robust_stability), _kept(top.robust_performance)
+        elif stable:
+            part, remaining = subsystem(plant, loops, units)
+            robust, performing = kept(
+                part,
+                uncertainty.of_units(units),
+                performance.of_units(units),
+                remaining,
+                1 + TOLERANCE,
+            )
+        rows.append((_count(groups, kind), stable, robust, performing))
+    return _line(rows)
 
 
 def summarise(classes: Sequence[ServiceClass]) -> str:
     """Say in one line how many of the sets of loops in service are stable, robust, performing."""
-    total = sum(each.subsets for each in classes)
+    return _line(
+        [
+            (
+                each.subsets, each.nominally_stable,
+                _kept(each.robust_stability), _kept(each.robust_performance),
+            )
+            for each in classes
+        ]
+    )  # fmt: skip
 
-    def count(condition: Iterable[bool]) -> str:
-        kept = sum(each.subsets for each, holds in zip(classes, condition, strict=True) if holds)
-        if kept in {0, total}:
-            return "all" if kept else "none"
-        return f"{kept:,}" if total < READABLE else _share(Fraction(kept, total))
 
-    stable = count(each.nominally_stable for each in classes)
-    robust = count(_kept(each.robust_stability) for each in classes)
-    performing = count(_kept(each.robust_performance) for each in classes)
+def _line(rows: Sequence[tuple[int, bool, bool, bool]]) -> str:
+    """Say it of kinds of sets: how many, and whether stable, robust, performing."""
+    total = sum(row[0] for row in rows)
+
+    def count(condition: int) -> str:
+        held = sum(row[0] for row in rows if row[condition])
+        if held in {0, total}:
+            return "all" if held else "none"
+        return f"{held:,}" if total < READABLE else _share(Fraction(held, total))
+
     sets = "set" if total == 1 else "sets"
     return (
-        f"loops out of service: of {_number(total)} {sets} of loops in service {stable} "
-        f"stable, {robust} robustly stable, {performing} with robust performance"
+        f"loops out of service: of {_number(total)} {sets} of loops in service {count(1)} "
+        f"stable, {count(2)} robustly stable, {count(3)} with robust performance"
     )
+
+
+def _kinds(groups: Sequence[Sequence[int]]) -> list[tuple[int, ...]]:
+    """How many loops of each group are in service, those with the most loops first."""
+    every = itertools.product(*(range(len(group), -1, -1) for group in groups))
+    return sorted(every, key=sum, reverse=True)[:-1]
+
+
+def _units(groups: Sequence[Sequence[int]], kind: tuple[int, ...]) -> list[int]:
+    """Return the units of one set of a kind."""
+    return sorted(unit for group, k in zip(groups, kind, strict=True) for unit in group[:k])
+
+
+def _count(groups: Sequence[Sequence[int]], kind: tuple[int, ...]) -> int:
+    """How many sets are of a kind."""
+    return math.prod(math.comb(len(group), k) for group, k in zip(groups, kind, strict=True))
 
 
 def _detuning(

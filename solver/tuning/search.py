@@ -49,6 +49,8 @@ PHASES_BELOW = 120  # at so many frequencies
 SAME_VALUE = 5e-3  # difference of s below which two optima may be one
 SAME_PLACE = 0.05  # and of the log parameters
 FLAT = 1e-4  # difference of s between optima that are one to the count of optima
+OFTEN = 5  # starts that end in the best optimum, after which
+FEWER = 3  # a third of those planned is enough
 ROUGH = 1e-5  # tolerance in s of a start's descent
 ROUGH_NU = 1e-4  # and its barrier parameter
 POLISHED = 3  # optima whose exact values are found
@@ -225,6 +227,15 @@ class GroupingSearch:
         N = sum(optimum.count for optimum in found)
         return w > 0 and w * (N - 1) < (w + 0.5) * (N - w - 2)
 
+    def confirmed(self, planned: int) -> bool:
+        """Whether the best optimum was met so often that few of the `planned` starts are enough."""
+        if not self.optima:
+            return False
+        best = self.optima[0].value
+        met = sum(optimum.count for optimum in self.optima if optimum.value < best + FLAT)
+        made = sum(optimum.count for optimum in self.optima)
+        return met >= OFTEN and made >= planned / FEWER
+
     def starts(self, count: int) -> NDArray[np.float64]:
         """Return starting points (count, m), well spread over their region, that the seed fixes.
 
@@ -359,7 +370,7 @@ class GroupingSearch:
                 self._remember(optimum, optimum.count)
         return found
 
-    def _again(self, optimum: Optimum) -> Optimum:
+    def _again(self, optimum: FoundOptimum) -> FoundOptimum:
         """Return what becomes of an optimum on a finer grid."""
         here = self.objective.evaluate(optimum.theta)
         if not math.isfinite(here.merit):

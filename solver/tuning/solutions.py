@@ -158,7 +158,7 @@ class Solutions:
             search.descend(search.box.clip(theta), count=0)
         count = self._starts(freedom)
         for left, theta in zip(range(count, 0, -1), search.starts(count), strict=True):
-            if self.specification.starts is None and search.settled:
+            if self.specification.starts is None and (search.settled or search.confirmed(count)):
                 self.clock.total -= left
                 break
             search.descend(theta)
