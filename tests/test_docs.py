@@ -15,6 +15,7 @@ import pytest
 from typer.testing import CliRunner
 
 import mutune
+from service import registry
 from service.cli.commands import app
 from service.schemas import TuningRequest
 from service.schemas.parsing import parse
@@ -28,7 +29,9 @@ COMMANDS = {
     "integrity": "integrity",
     "interaction": "interaction",
     "parallel_drives": "parallel-drives",
+    "physical": "physical",
     "relay": "relay",
+    "retune": "retune",
     "robustness": "robustness",
     "step_response": "step-response",
 }
@@ -123,6 +126,15 @@ def test_python_reference_has_every_name() -> None:
 def test_every_command_has_an_example() -> None:
     """Each command that takes one request has a file to start from."""
     assert {command_of(name) for name in REQUESTS} == {*COMMANDS.values(), "tune"}
+
+
+def test_every_analysis_has_a_section() -> None:
+    """The reference of commands has a heading and a route for each."""
+    text = (ROOT / "docs" / "reference" / "commands.md").read_text(encoding="utf-8")
+    for module in registry.names():
+        assert f"\n## {module.replace('_', '-')}\n" in text
+    for analysis in registry.every():
+        assert f"`POST {analysis.path}`" in text
 
 
 def test_every_example_is_on_a_page() -> None:
