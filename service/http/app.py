@@ -14,11 +14,11 @@ from fastapi import Depends, FastAPI
 from fastapi.middleware.cors import CORSMiddleware
 from sqlalchemy import Engine as Connections
 
-import service.http.openapi
 from service.audit import Trail
 from service.configuration import Configuration
 from service.http import docs_page, errors
 from service.http.access import RateLimiter, authenticate
+from service.http.description import document
 from service.http.guards import Head, KnownHosts, SteadyBodies
 from service.http.metrics import RequestMetrics
 from service.http.middleware import Compressed, Observed, SecurityHeaders
@@ -122,7 +122,7 @@ def create_app(configuration: Configuration | None = None) -> FastAPI:
 
     def openapi() -> dict[str, Any]:
         if app.openapi_schema is None:
-            app.openapi_schema = service.http.openapi.document(app)
+            app.openapi_schema = document(app)
         return app.openapi_schema
 
     app.openapi = openapi  # type: ignore[method-assign]  # FastAPI's way to extend the document

@@ -98,7 +98,8 @@ def described_body(
 ) -> dict[str, Any]:
     """Return the OpenAPI description of a required body that `read` parses as `model`.
 
-    The schema carries its parts in ``$defs``; `service.http.openapi` moves them to the components.
+    The schema carries its parts in ``$defs``; `service.http.description` moves them to the
+    components.
     With `lines` the body may be lines of that form instead.
     """
     schema = model.model_json_schema(ref_template=REFERENCE)
