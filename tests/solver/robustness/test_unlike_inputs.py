@@ -8,9 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from solver.certificate import read_certificate, verify
+from solver.certificate.reading import read_certificate
 from solver.certificate.record import Certificate, Claim
 from solver.certificate.search import certify
+from solver.certificate.verify import verify
 from solver.limits.multivariable import multivariable_limit
 from solver.model.blocks import group_loops
 from solver.model.controllers import Controller
