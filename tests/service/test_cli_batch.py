@@ -20,7 +20,7 @@ from fake_tune import BROKEN, DEADLY, SLOW
 from samples import altered, tuning
 from typer.testing import CliRunner, Result
 
-from service.batch.formats import Form, Rows
+from service.batch.formats import Rows, SettingsForm
 from service.batch.request_lines import read_items
 from service.batch.table import Table
 from service.cli.commands import app
@@ -316,7 +316,7 @@ def test_demands_are_columns() -> None:
     items = read_items(json.dumps(tuning()).encode())
     outcome = {"name": "max_load_error", "limit": 5.0, "value": 4.0, "met": True, "active": False}
     entry = {"index": 0, "digest": "", "result": {"status": "optimal", "demands": [outcome]}}
-    (row,) = Table(items, each=Rows.REQUEST, form=Form.CASCADE).rows([entry])
+    (row,) = Table(items, each=Rows.REQUEST, form=SettingsForm.CASCADE).rows([entry])
     found = {name: value for name, value in row.items() if name.startswith("demand.")}
     prefix = "demand.max_load_error"
     assert found == {f"{prefix}.{key}": outcome[key] for key in ("limit", "value", "met", "active")}
