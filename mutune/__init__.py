@@ -91,6 +91,13 @@ if TYPE_CHECKING:
     from solver.simulation.loops import Limits, Loop
     from solver.simulation.step_response import Metrics, StepResponse, UnitResponse, step_response
     from solver.simulation.worst_actuators import with_worst_actuators, worst_actuators
+    from solver.tuning.beside import (
+        AsFound,
+        PriceOfResolution,
+        SettingMove,
+        SettingRange,
+        SettingsTolerance,
+    )
     from solver.tuning.demands import DemandOutcome, Demands
     from solver.tuning.record import (
         Comparison,
@@ -100,6 +107,7 @@ if TYPE_CHECKING:
         Status,
         Tuning,
     )
+    from solver.tuning.resolution import Resolution
     from solver.tuning.specification import (
         Arrangement,
         Bounds,
@@ -116,6 +124,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Allowed",
     "Arrangement",
+    "AsFound",
     "Blender",
     "Bounds",
     "BurnerPasses",
@@ -190,6 +199,7 @@ __all__ = [
     "Plant",
     "PlantStructure",
     "Prediction",
+    "PriceOfResolution",
     "Progress",
     "Proof",
     "ProvenInterval",
@@ -200,6 +210,7 @@ __all__ = [
     "Relay",
     "RelayExperiment",
     "RelayOutcome",
+    "Resolution",
     "Response",
     "Robustness",
     "RobustnessLimits",
@@ -207,6 +218,9 @@ __all__ = [
     "ServiceClass",
     "ServiceError",
     "ServiceUnreachableError",
+    "SettingMove",
+    "SettingRange",
+    "SettingsTolerance",
     "Signs",
     "Specification",
     "StateSpace",
@@ -323,8 +337,12 @@ _HOMES = {
     "solver.simulation.loops": "Limits Loop",
     "solver.simulation.step_response": "Metrics StepResponse UnitResponse step_response",
     "solver.simulation.worst_actuators": "with_worst_actuators worst_actuators",
+    "solver.tuning.beside": (
+        "AsFound PriceOfResolution SettingMove SettingRange SettingsTolerance"
+    ),
     "solver.tuning.demands": "DemandOutcome Demands",
     "solver.tuning.record": "Comparison LocalOptimum Progress SearchSummary Status Tuning",
+    "solver.tuning.resolution": "Resolution",
     "solver.tuning.specification": (
         "Arrangement Bounds ControllerKind Objective Signs Specification"
     ),

@@ -1,4 +1,4 @@
-"""Set-point responses of tuned loops: each alone, and all closed in a direction.
+"""Responses of tuned loops: each alone, all closed in a direction, all closed under a load.
 
 Each of the model, and with the input perturbation that is worst for robust performance
 (Skogestad, Lundstrom and Hovd 1989, section 5.3, where a dead time stands for it).
@@ -25,25 +25,28 @@ from solver.simulation.step_response import StepResponse, step_response
 from solver.simulation.worst_actuators import worst_actuators
 from solver.stability.closed_loop import is_stable
 
-__all__ = ["Case", "alone", "together"]
+__all__ = ["Case", "alone", "loaded", "together"]
 
 # Time constants of the demand within which the loops are sought to settle; what has not settled
 # after the last one settles too slowly to show. Dead time makes long simulations dear.
 _PROBES = (4.0, 10.0, 40.0)
+_LOAD_SHOWN = 4.0  # times tau_P or the longest integral time: a load is gone by then, or nearly
 _SHOWN = 1.5  # times the longest settling time
 
 
 @dataclass(frozen=True)
 class Case:
-    """Responses to one change of the set points.
+    """Responses to one change of the set points, or of the loads.
 
     `worst` is None where the perturbation has no form that can be simulated, `identical` where
-    there are no identical settings beside.
+    there are no identical settings beside, `today` where no settings are known as found, or where
+    those are unstable.
     """
 
     nominal: DrawnStepResponse
     worst: DrawnStepResponse | None
     identical: DrawnStepResponse | None
+    today: DrawnStepResponse | None = None
 
 
 def together(tuned: RequestedTuning, direction: NDArray[np.float64]) -> Case:
@@ -57,15 +60,41 @@ def together(tuned: RequestedTuning, direction: NDArray[np.float64]) -> Case:
     """
     plant = tuned.plant
     duration = _duration(tuned, plant, tuned.loops, direction)
-    worst = _worst_actuators(tuned, plant, tuned.loops)
+    return _closed(tuned, StepKind.SETPOINT, direction, duration)
+
+
+def loaded(tuned: RequestedTuning, unit: int) -> Case:
+    """Return the responses with all loops closed to a unit step of load at one unit's input.
+
+    Raises
+    ------
+    InvalidInputError
+        As for `together`.
+
+    """
+    direction = np.eye(tuned.plant.n)[unit]
+    tau_p = tuned.result.tau_p
+    assert tau_p is not None  # noqa: S101 - for the type checker: there are settings
+    slowest = max(loop.integral_time or 0.0 for loop in tuned.loops)
+    return _closed(tuned, StepKind.LOAD, direction, _LOAD_SHOWN * max(tau_p, slowest))
+
+
+def _closed(
+    tuned: RequestedTuning, kind: StepKind, direction: NDArray[np.float64], duration: float
+) -> Case:
+    """Return the responses with all loops closed."""
+
+    def drawn(loops: Sequence[Controller], actuators: Actuators | None = None) -> DrawnStepResponse:
+        found = _simulate(tuned.plant, loops, direction, duration, actuators, kind=kind)
+        return DrawnStepResponse.of(found)
+
+    worst = _worst_actuators(tuned, tuned.plant, tuned.loops)
+    today = tuned.as_found
     return Case(
-        nominal=DrawnStepResponse.of(_simulate(plant, tuned.loops, direction, duration)),
-        worst=None
-        if worst is None
-        else DrawnStepResponse.of(_simulate(plant, tuned.loops, direction, duration, worst)),
-        identical=DrawnStepResponse.of(_simulate(plant, tuned.identical, direction, duration))
-        if tuned.identical
-        else None,
+        nominal=drawn(tuned.loops),
+        worst=None if worst is None else drawn(tuned.loops, worst),
+        identical=drawn(tuned.identical) if tuned.identical else None,
+        today=drawn(today) if today and is_stable(tuned.plant, today) else None,
     )
 
 
@@ -110,10 +139,11 @@ def _simulate(
     direction: NDArray[np.float64],
     duration: float,
     actuators: Actuators | None = None,
+    *,
+    kind: StepKind = StepKind.SETPOINT,
 ) -> StepResponse:
     steps = tuple(
-        Step(StepKind.SETPOINT, int(unit), 0.0, float(direction[unit]))
-        for unit in np.flatnonzero(direction)
+        Step(kind, int(unit), 0.0, float(direction[unit])) for unit in np.flatnonzero(direction)
     )
     closed = tuple(Loop.of(loop) for loop in loops)
     return step_response(Experiment(plant, closed, steps, duration, actuators=actuators))

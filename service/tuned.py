@@ -112,3 +112,8 @@ class RequestedTuning:
         if comparison is None:
             return ()
         return (comparison.identical_loop.build(),) * self.plant.n
+
+    @property
+    def as_found(self) -> tuple[Controller, ...]:
+        """Today's settings, one controller a unit; empty where the request names none."""
+        return self.specification.as_found or ()

@@ -16,8 +16,15 @@ from service.printing import (
     warning_lines,
 )
 from service.schemas import TuningResult
+from service.schemas.settings_nearby import SettingsTolerance
 from service.schemas.tunings import Comparison, SearchSummary
-from service.wording import NO_LESS, number, optimality_text, units_text
+from service.settings_wording import range_rows, resolution_text, together_text, tolerance_text
+from service.wording import (
+    NO_LESS,
+    number,
+    optimality_text,
+    units_text,
+)
 
 __all__ = ["side_by_side", "tuning_table"]
 
@@ -47,6 +54,13 @@ def tuning_table(result: TuningResult, *, interrupted: bool = False) -> list[Par
             for each in result.demands
         ]  # fmt: skip
         parts.append(Grid(("demand", "limit", "value", ""), rows))
+    if result.as_found is not None and result.loops:
+        parts.append(_beside_today(result))
+    typed = resolution_text(result)
+    if typed is not None:
+        parts.append(Line(typed))
+    if result.settings_tolerance is not None:
+        parts += _ranges(result, result.settings_tolerance)
     optimality = optimality_text(result.optimality)
     if optimality is not None:
         parts.append(Line(optimality))
@@ -56,6 +70,30 @@ def tuning_table(result: TuningResult, *, interrupted: bool = False) -> list[Par
     parts += proof_lines(result.certificate, result.guarantee)
     parts.append(Line(_search(result.search)))
     return [*parts, *warning_lines(result.warnings)]
+
+
+def _beside_today(result: TuningResult) -> Grid:
+    """Return peaks and tau_P of today's settings beside those that were found."""
+    today = result.as_found
+    assert today is not None  # noqa: S101 - for the type checker
+    rows = [("least time constant τP", number(today.tau_p), number(result.tau_p))]
+    for title, name, _ in CURVES:
+        before, now = (
+            number(None if peaks is None else getattr(peaks, name).value)
+            for peaks in (today.peaks, result.peaks)
+        )
+        rows.append((f"peak of μ, {title}", before, now))
+    return Grid(("", "today", "found"), rows)
+
+
+def _ranges(result: TuningResult, near: SettingsTolerance) -> list[Part]:
+    """Return how far settings may be moved."""
+    parts: list[Part] = [
+        Line(tolerance_text(near)),
+        Grid(("", "from", "now", "to"), range_rows(result)),
+    ]
+    together = together_text(result)
+    return parts if together is None else [*parts, Line(together)]
 
 
 def _bought(result: TuningResult, comparison: Comparison) -> str:

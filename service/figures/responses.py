@@ -8,7 +8,7 @@ from __future__ import annotations
 import plotly.graph_objects as go
 
 from service.figures.panels import Panels
-from service.figures.style import IDENTICAL, THIN, line, time_title
+from service.figures.style import IDENTICAL, THIN, TODAY, line, time_title
 from service.schemas.drawn import DrawnStepResponse, DrawnUnits
 from service.simulations import Case
 from service.wording import TIME_UNIT, loops_text
@@ -46,11 +46,13 @@ def tuned_response(title: str, description: str, case: Case, unit: str = TIME_UN
         _add(panels, worst, "output", 2, numbered)
         panels.y(2, "y, worst case<br>(output units)", matches="y")
     _add(panels, nominal, "input", last, numbered)
-    if identical is not None:
-        for response in identical.responses:
-            name = "identical settings"
-            panels.curve(identical.time, response.output, name, IDENTICAL)
-            panels.curve(identical.time, response.input, name, IDENTICAL, row=last)
+    beside = (("identical settings", identical, IDENTICAL), ("today", case.today, TODAY))
+    for name, other, style in beside:
+        if other is None:
+            continue
+        for response in other.responses:
+            panels.curve(other.time, response.output, name, style)
+            panels.curve(other.time, response.input, name, style, row=last)
     panels.shared_x(time_title(unit))
     panels.y(1, "y, nominal<br>(output units)")
     panels.y(last, "u, nominal<br>(input units)")

@@ -24,6 +24,7 @@ __all__ = [
     "IDENTICAL",
     "NEUTRAL",
     "THIN",
+    "TODAY",
     "Theme",
     "frequency_title",
     "line",
@@ -38,6 +39,7 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")
 DASHES = ("solid", "dash", "dashdot", "longdash")
 NEUTRAL = "#7A7A7A"
 IDENTICAL = {"color": NEUTRAL, "dash": "dot", "width": 2.2}
+TODAY = {"color": NEUTRAL, "dash": "longdashdot", "width": 1.6}
 THIN = {"color": NEUTRAL, "width": 1}
 
 _WIDE, _NARROW = 2.0, 0.7  # decades from which a label a decade, or labels at 1, 2, 5, do

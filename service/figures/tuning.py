@@ -78,6 +78,18 @@ def _difficult(tuned: RequestedTuning) -> go.Figure:
     )
 
 
+def _load(tuned: RequestedTuning) -> go.Figure:
+    # The unit that takes longest to be rid of a load: the integrated error is tau_I/k.
+    errors = [(loop.integral_time or 0.0) / abs(loop.gain) for loop in tuned.loops]
+    unit = max(range(len(errors)), key=errors.__getitem__)
+    return tuned_response(
+        f"Load responses: unit step at the input of unit {unit + 1}",
+        "All loops closed, set points constant. " + _PANELS,
+        simulations.loaded(tuned, unit),
+        tuned.unit,
+    )
+
+
 _PANELS = (
     "Outputs of the model, outputs with the worst error of the inputs, and the model's inputs."
 )
@@ -89,4 +101,5 @@ _DRAWN: dict[str, Callable[[RequestedTuning], go.Figure]] = {
     "step_single": _single,
     "step_easy": _easy,
     "step_difficult": _difficult,
+    "step_load": _load,
 }

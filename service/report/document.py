@@ -9,6 +9,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import json
+from collections.abc import Sequence
 from datetime import datetime
 from functools import cache
 from importlib.resources import files
@@ -22,20 +23,26 @@ from service.figures.tuning import tuning_figures
 from service.report import mathml
 from service.report.rendering import render, source
 from service.schemas import canonical
-from service.tuned import RequestedTuning
+from service.settings_wording import range_rows, resolution_text, together_text, tolerance_text
+from service.tuned import RequestedTuning, Setting
 from service.wording import (
     OBJECTIVES,
     forms,
     guarantee_text,
     headline,
+    loops_text,
     number,
     optimality_text,
     peak_rows,
 )
 from solver import __version__
+from solver.model.controllers import Controller
+from solver.model.plants import Plant
 from solver.robustness.margins import Margins, loop_margins
 
 __all__ = ["POLICY", "report_html"]
+
+_SETTINGS = ("gain", "integral_time", "derivative_time", "filter_time")
 
 
 def report_html(tuned: RequestedTuning, made_at: datetime, job: str | None = None) -> str:
@@ -76,7 +83,12 @@ def report_html(tuned: RequestedTuning, made_at: datetime, job: str | None = Non
         proven=guarantee_text(result.guarantee),
         optimality=optimality_text(result.optimality),
         certificate_link=_data_url(json.dumps(result.certificate)),
-        margins=_margins(tuned),
+        margins=_margins(tuned.plant, tuned.loops, tuned.settings),
+        as_found=_as_found(tuned),
+        resolution=resolution_text(result),
+        ranges=range_rows(result),
+        tolerance=tolerance_text(near) if (near := result.settings_tolerance) else None,
+        together=together_text(result),
         figures={name: figure.layout.meta for name, figure in drawn.figures.items()},
         omitted=drawn.omitted,
         request=json.dumps(json.loads(request), indent=2),
@@ -97,16 +109,42 @@ def _elements(tuned: RequestedTuning) -> list[list[Markup]]:
     return [[mathml.transfer_function(each) for each in row] for row in plant.rows]
 
 
-def _margins(tuned: RequestedTuning) -> list[tuple[str, ...]]:
-    if not tuned.settings:
+def _margins(
+    plant: Plant, loops: Sequence[Controller], settings: Sequence[Setting] = ()
+) -> list[tuple[str, ...]]:
+    if not loops:
         return []
     rows: list[tuple[str, ...]] = []
-    labels = {setting.units[0]: setting.label for setting in tuned.settings}
-    for row in loop_margins(tuned.plant, tuned.loops):
-        label = labels.get(row.units[0], f"loop {row.units[0] + 1}")
+    labels = {setting.units[0]: setting.label for setting in settings}
+    for row in loop_margins(plant, loops):
+        label = labels.get(row.units[0], loops_text(row.units))
         for name, margins in (("alone", row.alone), ("together", row.together)):
             rows.append((f"{label}, {name}", *_quoted(margins)))
     return rows
+
+
+def _as_found(tuned: RequestedTuning) -> dict[str, Any] | None:
+    """Return what the report says of today's settings."""
+    today = tuned.result.as_found
+    if today is None:
+        return None
+    return {
+        "tau_p": today.tau_p,
+        "reason": today.reason,
+        "peaks": peak_rows(today.peaks),
+        "margins": _margins(tuned.plant, tuned.as_found),
+        "settings": [
+            (loops_text(units), *(number(getattr(loop, name)) for name in _SETTINGS))
+            for loop, units in _alike(tuned.as_found)
+        ],
+    }
+
+
+def _alike(loops: Sequence[Controller]) -> list[tuple[Controller, list[int]]]:
+    found: dict[Controller, list[int]] = {}
+    for unit, loop in enumerate(loops):
+        found.setdefault(loop, []).append(unit)
+    return list(found.items())
 
 
 def _quoted(margins: Margins | None) -> tuple[str, ...]:

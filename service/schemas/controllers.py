@@ -2,16 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, Field
 
 import solver.model.controllers
+import solver.tuning.resolution
 import solver.tuning.specification
-from service.schemas.fields import SMALLEST, WHOLE, Gain, PositiveTime, RequestModel
+from service.schemas.fields import SMALLEST, WHOLE, Gain, PositiveTime, RequestModel, below
 from solver.model.plants import MAX_UNITS
+from solver.model.transfer_function import LARGEST
+from solver.tuning.resolution import MAX_DIGITS
 
-__all__ = ["Bounds", "ControllerChoice", "IdealForm", "Loop", "ParallelForm"]
+__all__ = [
+    "Bounds",
+    "ControllerChoice",
+    "IdealForm",
+    "Loop",
+    "ParallelForm",
+    "Resolution",
+    "given_loops",
+]
 
 _LARGEST_BOUND = 1e9  # as solver.tuning.specification.Bounds
 
@@ -37,6 +49,17 @@ class Loop(RequestModel):
         return solver.model.controllers.Controller(
             self.gain, self.integral_time, self.derivative_time, self.filter_time
         )
+
+
+def given_loops(
+    loops: Iterable[Loop], where: str
+) -> tuple[solver.model.controllers.Controller, ...]:
+    """Return the solver's controllers; an error points below `where`."""
+    found = []
+    for index, loop in enumerate(loops):
+        with below(f"{where}/{index}"):
+            found.append(loop.build())
+    return tuple(found)
 
 
 class IdealForm(BaseModel):
@@ -94,6 +117,29 @@ class Bounds(RequestModel):
         )
 
 
+class Resolution(RequestModel):
+    """Numbers that the control system accepts: significant digits, or steps."""
+
+    digits: Annotated[int, Field(ge=1, le=MAX_DIGITS, json_schema_extra={"x-unit": "1"}), WHOLE] | (
+        None
+    ) = Field(
+        default=None,
+        description="Significant digits of every setting; instead of steps.",
+        examples=[3],
+    )
+    gain: (
+        Annotated[float, Field(ge=SMALLEST, le=LARGEST, json_schema_extra={"x-unit": "gain"})]
+        | None
+    ) = Field(default=None, description="Step of the gain; null: any number.", examples=[0.1])
+    time: PositiveTime | None = Field(
+        default=None, description="Step of the times; null: any number.", examples=[0.01]
+    )
+
+    def build(self) -> solver.tuning.resolution.Resolution:
+        """Return the solver's resolution."""
+        return solver.tuning.resolution.Resolution(self.digits, self.gain, self.time)
+
+
 GroupSize = Annotated[int, Field(ge=1, le=MAX_UNITS), WHOLE]
 
 
@@ -128,4 +174,10 @@ class ControllerChoice(RequestModel):
         description="Signs of the gains. usual: those of the loops' own processes, which loops "
         "need that are to run alone; any: others are tried too where those permit no settings.",
         examples=["usual"],
+    )
+    resolution: Resolution | None = Field(
+        default=None,
+        description="Numbers that the control system accepts, in cascade form: the best settings "
+        "among them are returned, and what that costs. null: any numbers.",
+        examples=[None, {"digits": 3}],
     )

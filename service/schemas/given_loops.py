@@ -9,7 +9,7 @@ from pydantic import Field, JsonValue
 
 import solver.model.plants
 import solver.model.weights
-from service.schemas.controllers import Loop
+from service.schemas.controllers import Loop, given_loops
 from service.schemas.fields import AnalysisRequest, below
 from service.schemas.plants import Plant
 from service.schemas.weights import Performance, Uncertainty
@@ -78,11 +78,8 @@ class GivenLoops(AnalysisRequest):
         if performance.tau_p is None:
             message = "an analysis needs a time constant"
             raise InvalidInputError(message, "/performance/tau_p")
-        loops = []
-        for index, loop in enumerate(self.loops):
-            with below(f"/loops/{index}"):
-                loops.append(loop.build())
+        loops = given_loops(self.loops, "/loops")
         if len(loops) != plant.n:
             message = f"{len(loops)} loops for a plant of {plant.n} units"
             raise InvalidInputError(message, "/loops")
-        return LoopsTask(plant, uncertainty, performance, tuple(loops))
+        return LoopsTask(plant, uncertainty, performance, loops)

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, JsonValue
 
-from service.schemas.controllers import ControllerChoice, Loop
+from service.schemas.controllers import ControllerChoice, Loop, given_loops
 from service.schemas.demands import DemandOutcome, Demands
 from service.schemas.encoding import encode
 from service.schemas.fields import (
@@ -20,8 +20,10 @@ from service.schemas.fields import (
 )
 from service.schemas.peaks import Curves, Guarantee, Peaks
 from service.schemas.plants import Plant
+from service.schemas.settings_nearby import AsFound, PriceOfResolution, SettingsTolerance
 from service.schemas.weights import Performance, Uncertainty
 from solver.model.open_loop import require_supported
+from solver.model.plants import MAX_UNITS
 from solver.tuning.record import LocalOptimum, Tuning
 from solver.tuning.specification import (
     MAX_STARTS,
@@ -124,6 +126,12 @@ class TuningRequest(RecordedRequest):
         description="Hard constraints on the settings, beside robust performance.",
         examples=[{"max_load_error": 1.5}],
     )
+    as_found: Annotated[list[Loop], Field(min_length=1, max_length=MAX_UNITS)] | None = Field(
+        default=None,
+        description="Today's settings, one entry a unit; the result tells what they do, beside "
+        "its own.",
+        examples=[None],
+    )
     objective: Literal["tau_p", "mu"] = Field(
         default="tau_p",
         description="tau_p: the fastest closed loop; mu: the smallest peak of mu at a given "
@@ -164,8 +172,14 @@ class TuningRequest(RecordedRequest):
             demands = self.demands.build()
         start = None
         if self.search.start is not None:
-            with below("/search/start"):
-                start = tuple(loop.build() for loop in self.search.start)
+            start = given_loops(self.search.start, "/search/start")
+        resolution = None
+        if self.controller.resolution is not None:
+            with below("/controller/resolution"):
+                resolution = self.controller.resolution.build()
+        as_found = None
+        if self.as_found is not None:
+            as_found = given_loops(self.as_found, "/as_found")
         return Specification(
             plant=plant,
             uncertainty=uncertainty,
@@ -178,6 +192,8 @@ class TuningRequest(RecordedRequest):
             signs=Signs(self.controller.signs),
             demands=demands,
             start=start,
+            resolution=resolution,
+            as_found=as_found,
             starts=self.search.starts,
             seed=self.search.seed,
             time_limit=self.search.time_limit,
@@ -353,6 +369,17 @@ class TuningResult(IdentifiedResult, ResultModel):
     integrity: str | None = Field(
         description="In one line, what happens with loops in manual.",
         examples=["loops out of service: of 3 sets of loops in service all stable, ..."],
+    )
+    resolution: PriceOfResolution | None = Field(
+        default=None,
+        description="What the numbers that the control system accepts cost, where asked for.",
+        examples=[None],
+    )
+    settings_tolerance: SettingsTolerance | None = Field(
+        default=None, description="How far the settings may be moved.", examples=[None]
+    )
+    as_found: AsFound | None = Field(
+        default=None, description="What today's settings do, where given.", examples=[None]
     )
     reason: str | None = Field(description="Why no settings meet the demand.", examples=[None])
     omega: float | None = Field(

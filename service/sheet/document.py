@@ -20,9 +20,9 @@ from solver.robustness.margins import Margins
 from solver.robustness.record import Robustness
 from solver.simulation.experiment import StepKind
 
-__all__ = ["FOUND", "IDENTICAL", "LoopSheet", "loop_sheet"]
+__all__ = ["AS_FOUND", "FOUND", "IDENTICAL", "LoopSheet", "loop_sheet"]
 
-FOUND, IDENTICAL = "found", "identical"
+FOUND, IDENTICAL, AS_FOUND = "found", "identical", "as found"
 
 
 @dataclass(frozen=True)
@@ -45,6 +45,9 @@ def loop_sheet(tuned: RequestedTuning) -> LoopSheet:
             (), tuple(Said("note", "bad", text) for text in robustness.warnings), {}, {}
         )
     others = {IDENTICAL: tuned.identical} if tuned.identical and len(tuned.settings) > 1 else {}
+    today = tuned.result.as_found
+    if today is not None and today.peaks is not None:  # else there is no analysis of them
+        others[AS_FOUND] = tuned.as_found
     try:
         moved: list[Moves] = list(moves(tuned, others))
         omitted: dict[str, str] = {}

@@ -20,6 +20,7 @@ export function evidence(job, name) {
     if (!fold.open || inside.hasChildNodes()) return;
     const figures = h("div", { class: "figures" }, waiting(4));
     put(inside, h("div", { class: "cards" }, result.peaks && peaks(result.peaks), found && settings(result),
+      found && result.settings_tolerance && ranges(result), result.as_found && today(result),
       result.certificate && certificate(job, name), asked(job, name)), figures);
     showFigures(figures, figuresOf(id), name);
   });
@@ -45,6 +46,24 @@ function loopsOf(group) {
     i = end + 1;
   }
   return `${group.length > 1 ? "Loops" : "Loop"} ${ranges.join(", ")}`;
+}
+
+/** How far settings may be moved. @param {any} result */
+function ranges({ settings_tolerance: near, groups, resolution: price }) {
+  const rows = near.alone.map((/** @type {any} */ one) =>
+    [`${loopsOf(groups[one.group])}, ${label(one.parameter)}`, number(one.low), number(one.value), number(one.high)]);
+  return card("How far they may be moved",
+    price && h("p", {}, `As typed in τₚ is ${number(price.tau_p_rounded)}; with any digits ${number(price.tau_p_exact)}.`),
+    table("Ranges of the settings", ["", "from", "now", "to"], rows),
+    help(`Each alone, before μ exceeds ${number(near.mu)} at τₚ = ${number(near.tau_p)} ${timeUnit()}.`));
+}
+
+/** Today's settings beside these. @param {any} result */
+function today({ as_found: old, peaks: now, tau_p: tau }) {
+  const rows = [["Time constant τₚ", number(old.tau_p), number(tau)], ...Object.keys(now ?? {}).map((name) =>
+    [label(name), number(old.peaks?.[name].value), number(now[name].value)])];
+  return card("Today's settings", table("Today's settings beside these", ["", "today", "found"], rows),
+    old.reason && help(sentence(old.reason)));
 }
 
 /** @param {string} key of a controller's form */

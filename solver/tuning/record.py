@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from solver.model.controllers import Controller
     from solver.optimality.record import Optimality
     from solver.robustness.record import Curves, Guarantee, Peaks
+    from solver.tuning.beside import AsFound, PriceOfResolution, SettingsTolerance
     from solver.tuning.demands import DemandOutcome
 
 __all__ = ["Comparison", "LocalOptimum", "Progress", "SearchSummary", "Status", "Tuning"]
@@ -100,7 +101,9 @@ class Tuning:
     a unit, `groups` lists the units that share settings; `demands` what they make of
     each further demand; `guarantee` tells what is proven of the peak for all frequencies;
     `integrity` says in one line what happens with loops in manual; `optimality` how far tau_p is
-    from the least possible one; `advice` how the result may be read and used, in sentences.
+    from the least possible one; `resolution` what it costs that the settings are numbers which the
+    controllers accept, `settings_tolerance` how far they may be moved, `as_found` what today's
+    settings do; `advice` how the result may be read and used, in sentences.
     Where `status` is INFEASIBLE, `reason` and `omega` (the frequency that forbids it, rad per
     time unit) say why, and the other fields are None or empty.
     """
@@ -120,6 +123,9 @@ class Tuning:
     certificate: Certificate | None = None
     optimality: Optimality | None = None
     integrity: str | None = None
+    resolution: PriceOfResolution | None = None
+    settings_tolerance: SettingsTolerance | None = None
+    as_found: AsFound | None = None
     reason: str | None = None
     omega: float | None = None
     advice: tuple[str, ...] = field(default=())

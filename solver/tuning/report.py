@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from solver.certificate.search import PROVEN_ABOVE, prove
 from solver.model.remarks import plant_remarks
 from solver.robustness.integrity import in_one_line
 from solver.tuning.advice import advice
+from solver.tuning.as_found import as_found
 from solver.tuning.bounds import gain_signs
 from solver.tuning.clock import OutOfTimeError
 from solver.tuning.demand_checks import outcomes
 from solver.tuning.endless import remarks
+from solver.tuning.nearby import tolerance
 from solver.tuning.output_units import output_units_warning
+from solver.tuning.plain_advice import plain_advice
 from solver.tuning.record import Comparison, LocalOptimum, SearchSummary, Status, Tuning
+from solver.tuning.rounded import rounded, too_coarse
 from solver.tuning.settle import Settled, settled
 
 if TYPE_CHECKING:
@@ -62,6 +67,18 @@ def report(
     if end is None:
         reason = "none were found: between the frequencies of the search mu exceeds 1 for all"
         return infeasible(specification, search.groups, clock, reason, None)
+    price = None
+    if specification.resolution is not None:
+        try:
+            found = rounded(specification, solutions, search, end, clock)
+        except OutOfTimeError:
+            reason = "the time limit came before numbers that the controllers accept were found"
+            return infeasible(
+                specification, search.groups, clock, reason, None, status=Status.TIME_LIMIT
+            )
+        if found is None:
+            return infeasible(specification, search.groups, clock, too_coarse(end), None)
+        end, price = found
     demands = outcomes(specification.demands, specification.plant, end.loops)
     unmet = [each for each in demands if not each.met]
     if unmet:
@@ -80,7 +97,7 @@ def report(
             warnings += reasons
         except OutOfTimeError:  # the settings are what they are without it
             warnings.append("no certificate: the time limit came first")
-    return Tuning(
+    result = Tuning(
         status=status,
         objective=specification.objective.value,
         tau_p=end.performance.tau_p,
@@ -102,11 +119,15 @@ def report(
             end.loops,
             whole=(end.peaks, end.guarantee),
         ),
+        resolution=price,
+        settings_tolerance=tolerance(specification, search, end),
+        as_found=as_found(specification, end.performance),
         advice=advice(
             specification, end.performance, end.loops, end.peaks.robust_performance.value
         ),
         warnings=tuple(warnings),
     )
+    return replace(result, advice=(*result.advice, *plain_advice(specification, result)))
 
 
 def infeasible(
@@ -129,6 +150,7 @@ def infeasible(
         nominally_stable=False,
         search=SearchSummary(clock.done, (), specification.seed, clock.elapsed),
         curves=None,
+        as_found=as_found(specification, None),
         reason=reason,
         omega=omega,
     )

@@ -23,6 +23,7 @@ from solver.model.validation import (
 )
 from solver.model.weights import Performance, Uncertainty
 from solver.tuning.demands import NO_DEMANDS, Demands
+from solver.tuning.resolution import Resolution
 
 __all__ = ["Arrangement", "Bounds", "ControllerKind", "Objective", "Signs", "Specification"]
 
@@ -147,6 +148,10 @@ class Specification:
         Whether the result carries a proof, for all frequencies, of a level just above its peak.
     start : tuple of Controller or None
         One loop a unit: only the best settings beside these are sought, in a tenth of the time.
+    resolution : Resolution or None
+        Numbers that the controllers accept: the best settings among them are returned.
+    as_found : tuple of Controller or None
+        Today's settings, one loop a unit, of any kind: the result tells what they do.
     optimality_gap : bool
         Whether to prove how far tau_P is from the least possible one. For PI, objective TAU_P and
         at most two different controllers; a matrix plant has at most two units.
@@ -170,6 +175,8 @@ class Specification:
     certificate: bool = False
     optimality_gap: bool = False
     start: tuple[Controller, ...] | None = None
+    resolution: Resolution | None = None
+    as_found: tuple[Controller, ...] | None = None
 
     def __post_init__(self) -> None:
         self._settle()
@@ -226,6 +233,14 @@ class Specification:
             settle(self, starts=integer(self.starts, "/search/starts"))
         if self.start is not None:
             settle(self, start=instances(self.start, Controller, "/search/start"))
+        if self.resolution is not None:
+            instance(self.resolution, Resolution, "/controller/resolution")
+        if self.as_found is not None:
+            found = instances(self.as_found, Controller, "/as_found")
+            settle(self, as_found=found)
+            if len(found) != self.plant.n:
+                message = f"{len(found)} loops as found, the plant has {self.plant.n} units"
+                raise InvalidInputError(message, "/as_found")
         if self.time_limit is not None:
             settle(self, time_limit=real(self.time_limit, "/search/time_limit"))
 

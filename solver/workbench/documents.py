@@ -29,6 +29,11 @@ _MODULES = {
     "solver.model.weights": ("Performance", "Structure", "Uncertainty"),
     "solver.optimality.record": ("Optimality", "Proof"),
     "solver.robustness.record": ("Curves", "Guarantee", "GuaranteeStatus", "Peaks"),
+    "solver.robustness.margins": ("LoopMargins", "Margins"),
+    "solver.tuning.beside": (
+        "AsFound", "PriceOfResolution", "SettingMove", "SettingRange", "SettingsTolerance",
+    ),
+    "solver.tuning.resolution": ("Resolution",),
     "solver.tuning.demands": ("DemandOutcome", "Demands"),
     "solver.tuning.record": ("Comparison", "LocalOptimum", "SearchSummary", "Status", "Tuning"),
     "solver.tuning.specification": (

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from solver.model.weights import Uncertainty
     from solver.tuning.demands import Demands
     from solver.tuning.record import Progress
+    from solver.tuning.resolution import Resolution
     from solver.tuning.specification import Arrangement, Objective, Signs
 
     KindName = Literal["PI", "PID", "PIF", "PIDF"]
@@ -47,6 +48,8 @@ def tune(
     signs: Signs | Literal["usual", "any"] = ...,
     demands: Demands = ...,
     start: Sequence[Controller] | None = None,
+    resolution: Resolution | None = None,
+    as_found: Sequence[Controller] | None = None,
     starts: int | None = None,
     seed: int = 0,
     time_limit: float | None = None,
@@ -80,7 +83,9 @@ def tune(
         Sizes of the groups, for 'grouped', and only then.
     objective : Objective or str
         'tau_p', the fastest settings, or 'mu', the smallest peak of mu at `tau_p`.
-    bounds, signs, demands, start, starts, seed, time_limit, certificate, optimality_gap
+    bounds, signs, demands, start, resolution, as_found
+        See `Specification`.
+    starts, seed, time_limit, certificate, optimality_gap
         See `Specification`.
     progress : callable or None
         Called about ten times a second with a `Progress`; what it raises passes through.

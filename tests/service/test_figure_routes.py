@@ -37,7 +37,9 @@ def drawn(response: httpx.Response) -> FiguresResult:
 def test_a_tuning_has_figures_and_both_templates(client: httpx.Client, finished: str) -> None:
     """What can be drawn is there, what cannot says why, and templates come once for all."""
     result = drawn(client.get(f"{finished}/figures", params={"unit": "min"}))
-    assert list(result.figures) == ["step_single", "step_easy", "step_difficult", "landscape"]
+    assert list(result.figures) == [
+        "step_single", "step_easy", "step_difficult", "step_load", "landscape",
+    ]  # fmt: skip
     assert result.omitted["mu"] == "the result has no curves"
     assert result.figures["step_easy"].layout["xaxis3"]["title"]["text"] == "time (min)"
     assert "template" not in result.figures["step_easy"].layout

@@ -43,7 +43,7 @@ def traces(figure: Any, name: str, mode: str = "lines") -> list[Any]:
 
 
 def test_every_figure_of_a_tuning_is_drawn(drawn: TuningFigures) -> None:
-    """A tuning with settings has all seven figures, in the order in which they are read."""
+    """A tuning with settings has all eight figures, in the order in which they are read."""
     assert list(drawn.figures) == [
         "mu",
         "controllers",
@@ -51,6 +51,7 @@ def test_every_figure_of_a_tuning_is_drawn(drawn: TuningFigures) -> None:
         "step_single",
         "step_easy",
         "step_difficult",
+        "step_load",
         "landscape",
     ]
     assert drawn.omitted == {}

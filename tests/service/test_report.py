@@ -131,7 +131,7 @@ def test_policy_permits_exactly_the_scripts_inside(page: Page) -> None:
 def test_every_figure_has_its_place_and_alternative_text(page: Page) -> None:
     """Each figure of the data has an element, with its title and description as text."""
     figures = json.loads(page.scripts[0])["figures"]
-    assert len(figures) == 7
+    assert len(figures) == 8
     places = {a["id"]: a for t, a in page.elements if t == "div" and "id" in a}
     assert set(places) == {f"figure-{name}" for name in figures}
     for name, figure in figures.items():
@@ -220,7 +220,7 @@ def test_figures_are_drawn_in_a_browser_without_network(html: str, tmp_path: Pat
         drawn = page.locator(".plot:has(g.trace)").count()
         browser.close()
     assert complaints == []
-    assert drawn == 7
+    assert drawn == 8
 
 
 def test_command_line_writes_a_report(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,0 +1,57 @@
+"""Settings beside those that were found, in words: typed ones, moved ones."""
+
+from __future__ import annotations
+
+from service.schemas.settings_nearby import SettingsTolerance
+from service.schemas.tunings import TuningResult
+from service.wording import loops_text, number
+
+__all__ = ["range_rows", "resolution_text", "together_text", "tolerance_text"]
+
+_WORTH_NAMING = 0.05  # share of the greatest change in a joint move
+
+
+def resolution_text(result: TuningResult) -> str | None:
+    """Return in one sentence what typed numbers cost; None where any numbers may be typed."""
+    price = result.resolution
+    if price is None:
+        return None
+    if result.objective == "mu":
+        pair = f"a peak of μ of {number(price.mu_rounded)} instead of {number(price.mu_exact)}"
+    else:
+        pair = f"τP = {number(price.tau_p_rounded)} instead of {number(price.tau_p_exact)}"
+    return f"These are the numbers to type in; with any digits there would be {pair}, not less."
+
+
+def tolerance_text(near: SettingsTolerance) -> str:
+    """Return in one sentence what the ranges of the settings mean."""
+    return (
+        f"Each setting alone may be moved within its range before μ exceeds {number(near.mu)} at "
+        f"τP = {number(near.tau_p)}."
+    )
+
+
+def together_text(result: TuningResult) -> str | None:
+    """Return in one sentence the joint move that hurts most; None where there is none nearby."""
+    near = result.settings_tolerance
+    if near is None or not near.together:
+        return None
+    moves = ", ".join(
+        f"{each.parameter.replace('_', ' ')} of {loops_text(result.groups[each.group])} "
+        f"{100 * each.change:+.2g} %"
+        for each in near.together
+        if abs(each.change) >= _WORTH_NAMING * max(abs(other.change) for other in near.together)
+    )
+    return f"Together it takes no more than: {moves}."
+
+
+def range_rows(result: TuningResult) -> list[tuple[str, ...]]:
+    """Return name, lowest, present and highest value of each setting."""
+    near = result.settings_tolerance
+    return [
+        (
+            f"{loops_text(result.groups[each.group])}, {each.parameter.replace('_', ' ')}",
+            number(each.low), number(each.value), number(each.high),
+        )
+        for each in (near.alone if near else ())
+    ]  # fmt: skip

@@ -1,0 +1,202 @@
+"""How far settings may be moved: each alone, and all together in the direction that hurts most.
+
+At the optimum mu is 1 at several frequencies, so that almost any change exceeds it. What may be
+asked is how far settings may go before mu exceeds 1 at a time constant that is a little longer, or,
+where mu itself was made small, before it exceeds what it is by as much. The least joint change in
+the logarithms of the settings is found as the design point of reliability theory is (Hasofer and
+Lind 1974): along the gradient of the curve that gives way first, turned at each visit of the limit.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from solver.model.frequencies import grid
+from solver.tuning.beside import SettingMove, SettingRange, SettingsTolerance
+from solver.tuning.goals import MuGoal
+from solver.tuning.specification import Objective
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from solver.tuning.objective import LoopObjective
+    from solver.tuning.search import GroupingSearch
+    from solver.tuning.settle import Settled
+    from solver.tuning.specification import Specification
+
+__all__ = ["fine_objective", "tolerance"]
+
+ALLOWED = 0.05  # share of tau_P, or of mu, that moves of the settings may cost
+POINTS_PER_DECADE = 44  # a peak between them, even a kink, exceeds them by less than 1e-4
+STEPS = np.log([1.02, 1.1, 1.4, 2.5, 10.0])  # distances at which the limit is first sought
+NARROW = 1e-3  # in log: as close as the limit is sought,
+REFINED = 12  # in at most so many steps
+VISITS = 4  # of the limit, each with a new direction
+SHORTER = 0.98  # share of the least joint move at which single ones are looked at
+LOWER = 0.95  # of all gains
+NU = 1e-6  # barrier parameter: mu right to about as much
+FIRST_TO_GIVE = 3  # curves whose gradients are tried as directions
+APART = 0.2  # log omega between them
+
+
+def tolerance(
+    specification: Specification, search: GroupingSearch, end: Settled
+) -> SettingsTolerance:
+    """Return how far the settings of a result may be moved.
+
+    Every value is of a fine grid of frequencies, as settings elsewhere on it are stable.
+    """
+    theta, tau_p = end.candidate.theta, end.performance.tau_p
+    assert tau_p is not None  # noqa: S101 - for the type checker
+    peak = end.peaks.robust_performance.value
+    objective = replace(fine_objective(search), goal=MuGoal(end.performance), alone=None)
+    if specification.objective is Objective.TAU_P:
+        level, longer = 1.0, (1 + ALLOWED) * tau_p
+        judged = replace(objective, goal=MuGoal(end.performance.with_tau_p(longer)))
+    else:
+        level, longer = max(1.0, (1 + ALLOWED) * peak), tau_p
+        judged = objective
+    limit = 2 * math.log(level)
+    names = objective.kind.parameters
+
+    def excess(move: NDArray[np.float64]) -> float:
+        return judged.evaluate(theta + move).value - limit
+
+    ranges = []
+    for index, sign in _signs(objective):
+        value = sign * math.exp(theta[index])
+        axis = np.eye(theta.size)[index]
+        ends = [_distance(excess, way * axis) for way in (-1, 1)]
+        low, high = (
+            None if end is None else sign * math.exp(theta[index] + way * end)
+            for way, end in zip((-1, 1), ends, strict=True)
+        )
+        group, place = divmod(index, len(names))
+        pair = (low, high) if sign > 0 else (high, low)
+        ranges.append(SettingRange(group, names[place], value, *pair))
+    lower = theta.copy()
+    lower[:: len(names)] += math.log(LOWER)
+    s = objective.evaluate(lower).value
+    return SettingsTolerance(
+        tau_p=longer,
+        mu=level,
+        alone=tuple(ranges),
+        together=_together(judged, theta, excess),
+        lower_gains=math.exp(s / 2) if math.isfinite(s) else None,
+    )
+
+
+def fine_objective(search: GroupingSearch) -> LoopObjective:
+    """Return the objective of a search on a grid that sees what lies between its points."""
+    coarse = search.objective.omega
+    omega = grid(coarse[0], coarse[-1], POINTS_PER_DECADE, [coarse])
+    return replace(search.objective, omega=omega, nu=NU, followed=np.empty(0))
+
+
+def _signs(objective: LoopObjective) -> list[tuple[int, float]]:
+    """Return each parameter's index and sign: the gains have one."""
+    per = objective.per_controller
+    count = per * objective.signs.size
+    return [(i, float(objective.signs[i // per]) if i % per == 0 else 1.0) for i in range(count)]
+
+
+def _distance(
+    excess: Callable[[NDArray[np.float64]], float], direction: NDArray[np.float64]
+) -> float | None:
+    """Return how far one may go in a direction; None: ten times as far at least."""
+    inside, before, outside = 0.0, None, None
+    for step in STEPS:
+        value = excess(step * direction)
+        if value > 0:
+            outside, after = float(step), value
+            break
+        inside, before = float(step), value
+    if outside is None:
+        return None
+    if before is None:
+        before = excess(0 * direction)
+    for _ in range(REFINED):
+        if outside - inside <= NARROW * outside:
+            break
+        share = 0.5
+        if math.isfinite(after) and before < 0:  # regula falsi, kept off the ends
+            share = min(max(before / (before - after), 0.1), 0.9)
+        middle = inside + share * (outside - inside)
+        value = excess(middle * direction)
+        if value > 0:
+            outside, after = middle, value
+        else:
+            inside, before = middle, value
+    return inside
+
+
+def _together(
+    objective: LoopObjective,
+    theta: NDArray[np.float64],
+    excess: Callable[[NDArray[np.float64]], float],
+) -> tuple[SettingMove, ...]:
+    """Return the least joint change that exceeds the limit, as far as this local search sees it."""
+    names = objective.kind.parameters
+    best = _along_gradients(objective, theta, excess)
+    for single in (way * axis for axis in np.eye(theta.size) for way in (-1.0, 1.0)):
+        shortest = float(np.linalg.norm(best)) if best is not None else float(STEPS[-1])
+        if excess(SHORTER * shortest * single) > 0:  # one setting alone does it sooner
+            distance = _distance(excess, single)
+            if distance is not None and distance < shortest:
+                best = distance * single
+    if best is None:
+        return ()
+    return tuple(
+        SettingMove(index // len(names), names[index % len(names)], math.expm1(float(move)))
+        for index, move in enumerate(best)
+    )
+
+
+def _along_gradients(
+    objective: LoopObjective,
+    theta: NDArray[np.float64],
+    excess: Callable[[NDArray[np.float64]], float],
+) -> NDArray[np.float64] | None:
+    """Return the shortest move to the limit along gradients, turned at each visit."""
+    best: NDArray[np.float64] | None = None
+    for first in _gradients(objective, theta):
+        direction = first
+        for _ in range(VISITS):
+            distance = _distance(excess, direction)
+            if distance is None:
+                break
+            if best is None or distance < np.linalg.norm(best):
+                best = distance * direction
+            turned = _gradients(objective, theta + distance * direction)
+            if not turned or turned[0] @ direction > 1 - NARROW:
+                break
+            direction = turned[0]
+    return best
+
+
+def _gradients(objective: LoopObjective, theta: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    """Return the directions in which the highest maxima of mu rise, of length one."""
+    here = objective.evaluate(theta)
+    if not math.isfinite(here.value):
+        return []
+    s = -here.level
+    found: list[NDArray[np.float64]] = []
+    places: list[float] = []
+    for index in np.argsort(-s):
+        at = math.log(objective.omega[index])
+        if any(abs(at - other) < APART for other in places):
+            continue
+        places.append(at)
+        rise = -here.gradient[index]
+        length = float(np.linalg.norm(rise))
+        if length > 0:
+            found.append(rise / length)
+        if len(found) == FIRST_TO_GIVE:
+            break
+    return found
