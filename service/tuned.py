@@ -76,10 +76,16 @@ class RequestedTuning:
         """The task in the solver's form."""
         return self.request.build()
 
+    @cached_property
+    def arranged(self) -> Specification:
+        """The task as the loops see it."""
+        found = self.result.pairing
+        return self.specification.arranged(None if found is None else tuple(found))
+
     @property
     def plant(self) -> Plant:
-        """The plant."""
-        return self.specification.plant
+        """The plant as the loops see it: inputs paired, a scan time as dead time."""
+        return self.arranged.plant
 
     @property
     def uncertainty(self) -> Uncertainty:

@@ -174,10 +174,9 @@ def compute(request: LimitRequest) -> dict[str, Any]:
     from solver.tuning.tuner import tune
 
     specification = request.build()
-    limit = multivariable_limit(
-        specification.plant, specification.uncertainty, specification.performance
-    )
     tuning = tune(specification)
+    task = specification.arranged(tuning.pairing)
+    limit = multivariable_limit(task.plant, task.uncertainty, task.performance)
     peak = None if tuning.peaks is None else tuning.peaks.robust_performance.value
     loops_value = tuning.tau_p if limit.objective == "tau_p" else peak
     built = None

@@ -223,6 +223,7 @@ class RobustnessResult(IdentifiedResult, ResultModel):
 def compute(request: RobustnessRequest) -> dict[str, Any]:
     """Return the robustness of the request's loops."""
     from solver.robustness.analysis import analyse
+    from solver.robustness.scan import scan_remark
 
     task = request.build()
     found = analyse(
@@ -234,6 +235,9 @@ def compute(request: RobustnessRequest) -> dict[str, Any]:
         certificate=task.certificate,
     )
     document: dict[str, Any] = encode(found)
+    if found.nominally_stable:
+        slow = scan_remark(task.plant, task.loops, request.scan_time)
+        document["warnings"] += [slow] if slow else []
     if request.method == "sdp" and found.peaks is not None:
         from solver.model.blocks import group_loops
         from solver.robustness.cross_check import cross_check

@@ -10,7 +10,7 @@ from pydantic import BaseModel, Field
 import solver.model.controllers
 import solver.tuning.resolution
 import solver.tuning.specification
-from service.schemas.fields import SMALLEST, WHOLE, Gain, PositiveTime, RequestModel, below
+from service.schemas.fields import SMALLEST, WHOLE, Gain, PositiveTime, RequestModel, Time, below
 from solver.model.plants import MAX_UNITS
 from solver.model.transfer_function import LARGEST
 from solver.tuning.resolution import MAX_DIGITS
@@ -140,6 +140,7 @@ class Resolution(RequestModel):
         return solver.tuning.resolution.Resolution(self.digits, self.gain, self.time)
 
 
+UnitIndex = Annotated[int, Field(ge=0, lt=MAX_UNITS), WHOLE]
 GroupSize = Annotated[int, Field(ge=1, le=MAX_UNITS), WHOLE]
 
 
@@ -155,7 +156,7 @@ class ControllerChoice(RequestModel):
     arrangement: Literal["identical", "independent", "grouped", "best"] = Field(
         default="independent",
         description="Which loops share settings: all (identical), none (independent), those of "
-        "a group (grouped, with group_sizes), or as found best (best).",
+        "a group (grouped, with groups or group_sizes), or as found best (best).",
         examples=["independent"],
     )
     group_sizes: (
@@ -165,6 +166,24 @@ class ControllerChoice(RequestModel):
         description="Sizes of the groups, summing to n; for the arrangement grouped only.",
         examples=[None, [1, 1]],
         json_schema_extra={"x-unit": "1"},
+    )
+    groups: (
+        Annotated[
+            tuple[Annotated[tuple[UnitIndex, ...], Field(min_length=1)], ...], Field(min_length=1)
+        ]
+        | None
+    ) = Field(
+        default=None,
+        description="Units, from 0, of each group, each unit once; for the arrangement grouped, "
+        "instead of group_sizes.",
+        examples=[None, [[0, 2], [1, 3]]],
+        json_schema_extra={"x-unit": "1"},
+    )
+    scan_time: Time = Field(
+        default=0.0,
+        description="Time between two scans of a digital controller; 3/2 of it is dead time in "
+        "every loop, for hold and computation.",
+        examples=[0.0],
     )
     bounds: Bounds = Field(
         default=Bounds(), description="Permitted ranges of the parameters.", examples=[{}]

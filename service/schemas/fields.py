@@ -111,6 +111,22 @@ class RecordedRequest(RequestModel):
         json_schema_extra=_RECORD,
     )
 
+    def output_spans(self, n: int) -> tuple[float, ...] | None:
+        """Return the span of each of n outputs, where the instruments tell unlike ones.
+
+        Raises
+        ------
+        InvalidInputError
+            Neither one instrument for all loops nor one for each.
+
+        """
+        given = self.instruments or ()
+        if len(given) not in {0, 1, n}:
+            message = f"{len(given)} instruments for {n} loops; give one a loop, or one for all"
+            raise InvalidInputError(message, "/instruments")
+        spans = tuple(each.output_span for each in given if each.output_span is not None)
+        return spans if len(spans) == n and len(set(spans)) > 1 else None
+
     def identity(self) -> dict[str, Any]:
         """Return what comes back with the result."""
         given = {"id": self.id, "labels": self.labels}

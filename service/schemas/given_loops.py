@@ -9,15 +9,17 @@ from pydantic import Field, JsonValue
 
 import solver.model.plants
 import solver.model.weights
+from service.schemas.arrangement import ArrangedRequest
 from service.schemas.controllers import Loop, given_loops
-from service.schemas.fields import AnalysisRequest, below
+from service.schemas.fields import RecordedRequest, below
 from service.schemas.plants import Plant
 from service.schemas.weights import Performance, Uncertainty
 from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError
 from solver.model.plants import MAX_UNITS
+from solver.model.weights import Structure
 
-__all__ = ["EXAMPLE", "GivenLoops", "LoopsTask"]
+__all__ = ["EXAMPLE", "GivenLoops", "LoopsTask", "default_scales"]
 
 EXAMPLE: dict[str, JsonValue] = {
     "plant": {
@@ -46,7 +48,18 @@ class LoopsTask:
     loops: tuple[Controller, ...]
 
 
-class GivenLoops(AnalysisRequest):
+def default_scales(
+    request: RecordedRequest, n: int, uncertainty: solver.model.weights.Uncertainty
+) -> tuple[float, ...] | None:
+    """Return the spans of n outputs as their permitted errors, where that has a meaning.
+
+    Inputs that err in concert are compared in their own units, which outputs do not tell.
+    """
+    spans = request.output_spans(n)
+    return None if uncertainty.structure is Structure.FULL else spans
+
+
+class GivenLoops(ArrangedRequest):
     """Given loop settings and the weights that they are judged by."""
 
     plant: Plant = Field(description="The process.", examples=[EXAMPLE["plant"]])
@@ -70,11 +83,13 @@ class GivenLoops(AnalysisRequest):
 
         """
         with below("/plant"):
-            plant = self.plant.build()
+            given = self.plant.build()
+        plant = self.arranged(given)
         with below("/uncertainty"):
             uncertainty = self.uncertainty.build(plant.n)
+        scales = default_scales(self, plant.n, uncertainty)
         with below("/performance"):
-            performance = self.performance.build()
+            performance = self.performance.build(scales)
         if performance.tau_p is None:
             message = "an analysis needs a time constant"
             raise InvalidInputError(message, "/performance/tau_p")

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, JsonValue
 
+from service.schemas.arrangement import Pairing
 from service.schemas.controllers import ControllerChoice, Loop, given_loops
 from service.schemas.demands import DemandOutcome, Demands
 from service.schemas.encoding import encode
@@ -18,6 +19,7 @@ from service.schemas.fields import (
     ResultModel,
     below,
 )
+from service.schemas.given_loops import default_scales
 from service.schemas.peaks import Curves, Guarantee, Peaks
 from service.schemas.plants import Plant
 from service.schemas.settings_nearby import AsFound, PriceOfResolution, SettingsTolerance
@@ -126,6 +128,12 @@ class TuningRequest(RecordedRequest):
         description="Hard constraints on the settings, beside robust performance.",
         examples=[{"max_load_error": 1.5}],
     )
+    pairing: Pairing | Literal["best"] | None = Field(
+        default=None,
+        description="Input, from 0, of each output; best: those that may have integral action in "
+        "every loop are tried, the nearest to no interaction first. null: output i by input i.",
+        examples=[None, [1, 0], "best"],
+    )
     as_found: Annotated[list[Loop], Field(min_length=1, max_length=MAX_UNITS)] | None = Field(
         default=None,
         description="Today's settings, one entry a unit; the result tells what they do, beside "
@@ -164,8 +172,9 @@ class TuningRequest(RecordedRequest):
         require_supported(plant)
         with below("/uncertainty"):
             uncertainty = self.uncertainty.build(plant.n)
+        scales = default_scales(self, plant.n, uncertainty)
         with below("/performance"):
-            performance = self.performance.build()
+            performance = self.performance.build(scales)
         with below("/controller/bounds"):
             bounds = self.controller.bounds.build()
         with below("/demands"):
@@ -187,6 +196,9 @@ class TuningRequest(RecordedRequest):
             kind=ControllerKind(self.controller.kind),
             arrangement=Arrangement(self.controller.arrangement),
             group_sizes=self.controller.group_sizes,
+            groups=self.controller.groups,
+            pairing=self.pairing,
+            scan_time=self.controller.scan_time,
             objective=Objective(self.objective),
             bounds=bounds,
             signs=Signs(self.controller.signs),
@@ -369,6 +381,11 @@ class TuningResult(IdentifiedResult, ResultModel):
     integrity: str | None = Field(
         description="In one line, what happens with loops in manual.",
         examples=["loops out of service: of 3 sets of loops in service all stable, ..."],
+    )
+    pairing: list[int] | None = Field(
+        default=None,
+        description="Input, from 0, of each output, where the request asked for it.",
+        examples=[None, [1, 0]],
     )
     resolution: PriceOfResolution | None = Field(
         default=None,

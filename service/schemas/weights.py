@@ -179,11 +179,12 @@ class Performance(RequestModel):
     ) = Field(
         default=None,
         description="Error that each output may have, in its own unit; only their ratios matter. "
-        "null: the outputs are compared as they come.",
+        "null: the spans of the instruments where those tell them, else the outputs are compared "
+        "as they come.",
         examples=[[1.0, 100.0]],
     )
 
-    def build(self) -> solver.model.weights.Performance:
-        """Return the solver's performance demand."""
-        scales = None if self.output_scale is None else tuple(self.output_scale)
+    def build(self, spans: tuple[float, ...] | None = None) -> solver.model.weights.Performance:
+        """Return the solver's performance demand; `spans` of the outputs are its default scales."""
+        scales = spans if self.output_scale is None else tuple(self.output_scale)
         return solver.model.weights.Performance(self.max_peak, self.offset, self.tau_p, scales)

@@ -8,7 +8,8 @@ import { analyses, faults, fitting, resolve } from "./schema.js";
  * @param {any} job @param {boolean} found whether there are settings; else there is the plant to look at
  */
 export function furtherOf({ id, request: body, result }, found) {
-  const taken = { ...body, loops: result.loops, performance: { ...body.performance, tau_p: result.tau_p } };
+  const taken = { ...body, loops: result.loops, pairing: result.pairing,
+    scan_time: body.controller.scan_time, performance: { ...body.performance, tau_p: result.tau_p } };
   return analyses().map(({ name, input }) => ({ name, needs: resolve(input) }))
     .filter(({ needs }) => needs.properties.plant && (found || !needs.properties.loops))
     .filter(({ needs }) => faults(needs, fitting(needs, taken)).length === 0)

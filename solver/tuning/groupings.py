@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from solver.model.blocks import marks
 from solver.model.errors import InvalidInputError
 from solver.model.plants import Plant
-from solver.tuning.specification import Arrangement, Specification
+from solver.tuning.specification import Arrangement, Signs, Specification
 
 if TYPE_CHECKING:
     from collections.abc import Hashable, Iterator, Sequence
@@ -54,11 +54,14 @@ def groupings(specification: Specification) -> tuple[Groups, ...]:
     if arrangement is Arrangement.IDENTICAL:
         return (identical_groups(plant),)
     if arrangement is Arrangement.GROUPED:
-        sizes = specification.group_sizes or ()
-        if len(sizes) > MAX_CONTROLLERS:
+        groups, where = specification.groups, "groups"
+        if groups is None:
+            groups, where = consecutive(specification.group_sizes or ()), "group_sizes"
+        if len(groups) > MAX_CONTROLLERS:
             message = f"at most {MAX_CONTROLLERS} groups"
-            raise InvalidInputError(message, "/controller/group_sizes")
-        return (consecutive(sizes),)
+            raise InvalidInputError(message, f"/controller/{where}")
+        _require_one_sign(specification, groups)
+        return (groups,)
     if arrangement is Arrangement.INDEPENDENT:
         if plant.n > MAX_CONTROLLERS:
             message = (
@@ -96,6 +99,24 @@ def merged(groups: Groups, into: Groups) -> tuple[int, ...] | None:
     owner = {unit: index for index, group in enumerate(into) for unit in group}
     found = [{owner[unit] for unit in group} for group in groups]
     return tuple(each.pop() for each in found) if all(len(each) == 1 for each in found) else None
+
+
+def _require_one_sign(specification: Specification, groups: Groups) -> None:
+    """Refuse groups of unlike units whose own gains have opposite signs: one gain serves not both.
+
+    Unless any signs are permitted: such loops may be stable together, though never alone.
+    """
+    if specification.signs is Signs.ANY or specification.plant.interchangeable:
+        return
+    for index, group in enumerate(groups):
+        gains = [specification.plant.element(unit, unit).static_gain for unit in group]
+        for unit, gain in zip(group, gains, strict=True):
+            if (gain < 0) is not (gains[0] < 0):
+                message = (
+                    f"units {group[0]} and {unit} have steady-state gains of opposite signs and "
+                    "cannot share one controller gain; split the group, or permit any signs"
+                )
+                raise InvalidInputError(message, f"/controller/groups/{index}")
 
 
 def neighbours(groups: Groups) -> tuple[Groups, ...]:

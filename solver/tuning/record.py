@@ -103,7 +103,8 @@ class Tuning:
     `integrity` says in one line what happens with loops in manual; `optimality` how far tau_p is
     from the least possible one; `resolution` what it costs that the settings are numbers which the
     controllers accept, `settings_tolerance` how far they may be moved, `as_found` what today's
-    settings do; `advice` how the result may be read and used, in sentences.
+    settings do; `pairing` is the input of each output, from 0, where that was asked for; `advice`
+    how the result may be read and used, in sentences.
     Where `status` is INFEASIBLE, `reason` and `omega` (the frequency that forbids it, rad per
     time unit) say why, and the other fields are None or empty.
     """
@@ -123,6 +124,7 @@ class Tuning:
     certificate: Certificate | None = None
     optimality: Optimality | None = None
     integrity: str | None = None
+    pairing: tuple[int, ...] | None = None
     resolution: PriceOfResolution | None = None
     settings_tolerance: SettingsTolerance | None = None
     as_found: AsFound | None = None

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY, dataclass, replace
 from enum import StrEnum
+from typing import Literal
 
+from solver.model.arranged import check_pairing, paired, sampled
 from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError
 from solver.model.given import require_fit
 from solver.model.plants import Plant
+from solver.model.transfer_function import LARGEST
 from solver.model.validation import (
     choice,
     flag,
@@ -17,6 +20,7 @@ from solver.model.validation import (
     instances,
     integer,
     integers,
+    items,
     real,
     reals,
     settle,
@@ -25,9 +29,18 @@ from solver.model.weights import Performance, Uncertainty
 from solver.tuning.demands import NO_DEMANDS, Demands
 from solver.tuning.resolution import Resolution
 
-__all__ = ["Arrangement", "Bounds", "ControllerKind", "Objective", "Signs", "Specification"]
+__all__ = [
+    "BEST_PAIRING",
+    "Arrangement",
+    "Bounds",
+    "ControllerKind",
+    "Objective",
+    "Signs",
+    "Specification",
+]
 
 MAX_STARTS = 1000
+BEST_PAIRING = "best"
 MOST_PROVEN = 2  # controllers, and units of a matrix plant, up to which optimality is proven
 
 
@@ -132,6 +145,13 @@ class Specification:
     kind, arrangement, group_sizes, objective
         See the enums; their values will do. `group_sizes` is given for GROUPED, and only then;
         the sizes sum to `plant.n` and the first group holds the first units.
+    groups : tuple of tuple of int or None
+        The units, from 0, of each group, each unit once: for GROUPED, instead of `group_sizes`.
+    pairing : tuple of int, "best" or None
+        Input of each output, from 0; "best": those that may have integral action are tried. The
+        result then speaks of loops by their outputs. None: as the plant is given.
+    scan_time : float
+        Of digital controllers, time unit of the plant; see `solver.model.arranged`.
     bounds : Bounds
         Parameter bounds; none of a parameter that the kind does not have.
     signs : Signs
@@ -175,6 +195,9 @@ class Specification:
     certificate: bool = False
     optimality_gap: bool = False
     start: tuple[Controller, ...] | None = None
+    groups: tuple[tuple[int, ...], ...] | None = None
+    pairing: tuple[int, ...] | Literal["best"] | None = None
+    scan_time: float = 0.0
     resolution: Resolution | None = None
     as_found: tuple[Controller, ...] | None = None
 
@@ -211,6 +234,20 @@ class Specification:
         unlike = self.performance.unlike_outputs or self.uncertainty.unlike_inputs
         return self.plant.interchangeable and not unlike
 
+    def arranged(self, pairing: tuple[int, ...] | None) -> Specification:
+        """Return the same task as the loops see it: inputs paired, scan time as dead time.
+
+        `pairing` is that of the result; None: the given one, if it is one.
+        """
+        if pairing is None and not isinstance(self.pairing, str):
+            pairing = self.pairing
+        plant = sampled(self.plant, self.scan_time)
+        if pairing is not None:
+            plant = paired(plant, pairing)
+        if plant is self.plant and self.pairing is None:
+            return self
+        return replace(self, plant=plant, pairing=None, scan_time=0.0)
+
     def _settle(self) -> None:
         instance(self.plant, Plant, "/plant")
         require_fit(self.plant, self.uncertainty, self.performance)
@@ -229,6 +266,7 @@ class Specification:
         if self.group_sizes is not None:
             sizes = integers(self.group_sizes, "/controller/group_sizes")
             settle(self, group_sizes=sizes)
+        self._settle_arrangement()
         if self.starts is not None:
             settle(self, starts=integer(self.starts, "/search/starts"))
         if self.start is not None:
@@ -247,12 +285,16 @@ class Specification:
     def _check_groups(self) -> None:
         where = "/controller/group_sizes"
         if self.arrangement is not Arrangement.GROUPED:
-            if self.group_sizes is not None:
-                message = "group sizes are for the arrangement 'grouped'"
-                raise InvalidInputError(message, where)
+            for name in ("group_sizes", "groups"):
+                if getattr(self, name) is not None:
+                    message = f"{name.replace('_', ' ')} are for the arrangement 'grouped'"
+                    raise InvalidInputError(message, f"/controller/{name}")
+            return
+        if self.groups is not None:
+            self._check_members(self.groups)
             return
         if not self.group_sizes:
-            message = "the arrangement 'grouped' needs group sizes"
+            message = "the arrangement 'grouped' needs groups, or group sizes"
             raise InvalidInputError(message, where)
         for index, size in enumerate(self.group_sizes):
             if size < 1:
@@ -260,6 +302,46 @@ class Specification:
                 raise InvalidInputError(message, f"{where}/{index}")
         if sum(self.group_sizes) != self.plant.n:
             message = f"group sizes sum to {sum(self.group_sizes)}, the plant has {self.plant.n}"
+            raise InvalidInputError(message, where)
+
+    def _settle_arrangement(self) -> None:
+        if self.groups is not None:
+            given = items(self.groups, "/controller/groups")
+            groups = [integers(g, f"/controller/groups/{i}") for i, g in enumerate(given)]
+            settle(self, groups=tuple(groups))
+        if isinstance(self.pairing, str):
+            if self.pairing != BEST_PAIRING:
+                message = f"a pairing is a list of inputs, or {BEST_PAIRING!r}"
+                raise InvalidInputError(message, "/pairing")
+        elif self.pairing is not None:
+            settle(self, pairing=check_pairing(self.pairing, self.plant.n))
+            paired(self.plant, self.pairing)
+        settle(self, scan_time=real(self.scan_time, "/controller/scan_time"))
+        if not 0 <= self.scan_time <= LARGEST:
+            message = f"the scan time must lie in 0..{LARGEST:g}"
+            raise InvalidInputError(message, "/controller/scan_time")
+
+    def _check_members(self, groups: tuple[tuple[int, ...], ...]) -> None:
+        where, n = "/controller/groups", self.plant.n
+        if self.group_sizes is not None:
+            message = "give groups or group sizes, not both"
+            raise InvalidInputError(message, "/controller/group_sizes")
+        owner: dict[int, int] = {}
+        for index, group in enumerate(groups):
+            if not group:
+                message = "a group has at least one unit"
+                raise InvalidInputError(message, f"{where}/{index}")
+            for place, unit in enumerate(group):
+                if not 0 <= unit < n:
+                    message = f"the units are counted from 0 to {n - 1}"
+                    raise InvalidInputError(message, f"{where}/{index}/{place}")
+                if unit in owner:
+                    message = f"unit {unit} is in group {owner[unit]} already"
+                    raise InvalidInputError(message, f"{where}/{index}/{place}")
+                owner[unit] = index
+        missing = [unit for unit in range(n) if unit not in owner]
+        if missing:
+            message = f"unit {missing[0]} is in no group"
             raise InvalidInputError(message, where)
 
     def _check_start(self) -> None:
@@ -307,7 +389,7 @@ class Specification:
             raise InvalidInputError(message, where)
         different = {
             Arrangement.IDENTICAL: 1,
-            Arrangement.GROUPED: len(self.group_sizes or ()),
+            Arrangement.GROUPED: len(self.groups or self.group_sizes or ()),
         }.get(self.arrangement, self.plant.n)
         if different > MOST_PROVEN:
             message = (

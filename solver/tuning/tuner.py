@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from solver.model.open_loop import require_supported
 from solver.model.validation import instance
+from solver.robustness.scan import scan_remark
 from solver.tuning.bounds import gain_signs
 from solver.tuning.clock import Clock, OutOfTimeError
 from solver.tuning.demand_checks import outcomes
@@ -16,6 +17,7 @@ from solver.tuning.demands import NO_DEMANDS
 from solver.tuning.feasibility import impossibility, other_signs
 from solver.tuning.given_start import given_groups, signs_of
 from solver.tuning.groupings import groupings, neighbours
+from solver.tuning.pairings import pairings
 from solver.tuning.record import Status
 from solver.tuning.report import infeasible, report
 from solver.tuning.search import Freedom
@@ -67,10 +69,77 @@ def tune(
     """
     instance(specification, Specification, "/specification")
     require_supported(specification.plant)
+    if specification.pairing is None:
+        return _told(specification, _tune(specification.arranged(None), progress))
+    return _told(specification, _best_pairing(specification, progress))
+
+
+def _tune(
+    specification: Specification, progress: Callable[[Progress], bool | None] | None
+) -> Tuning:
     found = _Run(specification, progress).result()
     if found.status is Status.INFEASIBLE and specification.demands.names:
         return _with_the_demand_named(specification, found)
     return found
+
+
+def _best_pairing(
+    specification: Specification, progress: Callable[[Progress], bool | None] | None
+) -> Tuning:
+    """Tune each pairing in an equal share of the time, and return the best result."""
+    candidates = pairings(specification)
+    found: list[Tuning] = []
+    for index, pairing in enumerate(candidates):
+        task, spent = specification.arranged(pairing), sum(t.search.elapsed_seconds for t in found)
+        if task.time_limit is not None:
+            left = max(task.time_limit - spent, LEAST_TIME) / (len(candidates) - index)
+            task = replace(task, time_limit=left)
+
+        def share(here: Progress, done: int = index) -> bool | None:
+            assert progress is not None  # noqa: S101 - for the type checker
+            fraction = (done + here.fraction) / len(candidates)
+            return progress(replace(here, fraction=fraction))
+
+        found.append(replace(_tune(task, share if progress else None), pairing=pairing))
+    best = min(found, key=_worth)
+    if len(found) == 1:
+        return best
+    spent = sum(each.search.elapsed_seconds for each in found)
+    outcome = "; ".join(f"{list(t.pairing or ())} {_reached(t)}" for t in found)
+    said = f"Pairings tried, the input of each output counted from 0: {outcome}."
+    cut = any(each.status is Status.TIME_LIMIT for each in found)
+    return replace(
+        best,
+        status=Status.TIME_LIMIT if cut else best.status,
+        search=replace(best.search, elapsed_seconds=spent),
+        advice=(*best.advice, said),
+    )
+
+
+def _worth(tuning: Tuning) -> tuple[bool, float, float]:
+    """Order results: with settings first, then by tau_P, then by the peak of mu."""
+    if tuning.peaks is None or tuning.tau_p is None:
+        return True, math.inf, math.inf
+    return False, tuning.tau_p, tuning.peaks.robust_performance.value
+
+
+def _reached(tuning: Tuning) -> str:
+    if tuning.peaks is None or tuning.tau_p is None:
+        return "without settings"
+    if tuning.objective == Objective.MU.value:
+        return f"mu = {tuning.peaks.robust_performance.value:.4g}"
+    return f"tau_P = {tuning.tau_p:.4g}"
+
+
+def _told(specification: Specification, found: Tuning) -> Tuning:
+    """Return the result with a warning where the scan is not fast beside the loops."""
+    if specification.scan_time == 0 or not found.loops:
+        return found
+    plant = specification.arranged(found.pairing).plant
+    said = scan_remark(plant, found.loops, specification.scan_time)
+    if said is None:
+        return found
+    return replace(found, warnings=(*found.warnings, said))
 
 
 def _with_the_demand_named(specification: Specification, found: Tuning) -> Tuning:

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from solver.model.controllers import Controller
+    from solver.model.plants import Plant
     from solver.robustness.margins import LoopMargins
 
 __all__ = ["InfeasibleError", "Tuned", "load"]
@@ -69,6 +70,11 @@ class Tuned:
         return self.tuning.status is Status.OPTIMAL and self.tuning.demand_met
 
     @property
+    def plant(self) -> Plant:
+        """The plant as the loops see it: inputs paired, a scan time as dead time."""
+        return self.specification.arranged(self.tuning.pairing).plant
+
+    @property
     def tau_p(self) -> float:
         """Closed-loop time constant, time unit of the plant; inf without settings, so it sorts."""
         return math.inf if self.tuning.tau_p is None or not self.loops else self.tuning.tau_p
@@ -94,9 +100,9 @@ class Tuned:
             There are no settings.
 
         """
-        found = loop_margins(self.specification.plant, self._settings())
+        found = loop_margins(self.plant, self._settings())
         of = {unit: each for each in found for unit in each.units}
-        return tuple(of[unit] for unit in range(self.specification.plant.n))
+        return tuple(of[unit] for unit in range(self.plant.n))
 
     def raise_if_infeasible(self) -> Self:
         """Return this result, or raise where there are no settings.
@@ -234,7 +240,7 @@ class Tuned:
         return self.loops
 
     def __repr__(self) -> str:
-        n = self.specification.plant.n
+        n = self.plant.n
         return f"Tuned({self.tuning.status.value}, tau_p={self.tau_p:.6g}, mu={self.mu:.4g}, n={n})"
 
     def __str__(self) -> str:

@@ -43,6 +43,9 @@ def tune(
     controller: ControllerKind | KindName = ...,
     arrangement: Arrangement | ArrangementName = ...,
     group_sizes: Sequence[int] | None = None,
+    groups: Sequence[Sequence[int]] | None = None,
+    pairing: Sequence[int] | Literal["best"] | None = None,
+    scan_time: float = 0.0,
     objective: Objective | Literal["tau_p", "mu"] = ...,
     bounds: Bounds | None = None,
     signs: Signs | Literal["usual", "any"] = ...,
@@ -81,6 +84,8 @@ def tune(
         Which loops share settings: 'identical', 'independent', 'grouped' or 'best'.
     group_sizes : sequence of int or None
         Sizes of the groups, for 'grouped', and only then.
+    groups, pairing, scan_time
+        See `Specification`.
     objective : Objective or str
         'tau_p', the fastest settings, or 'mu', the smallest peak of mu at `tau_p`.
     bounds, signs, demands, start, resolution, as_found

@@ -9,14 +9,15 @@ from pydantic import ConfigDict, Field, JsonValue
 
 import solver.model.plants
 import solver.model.weights
+from service.schemas.arrangement import ArrangedRequest
 from service.schemas.controllers import Loop
 from service.schemas.fields import (
     WHOLE,
-    AnalysisRequest,
     Instrument,
     RequestModel,
     below,
 )
+from service.schemas.given_loops import default_scales
 from service.schemas.plants import Plant
 from service.schemas.weights import Performance, Uncertainty
 from service.wording import TIME_UNIT
@@ -128,7 +129,7 @@ class FormsTask:
     performance: solver.model.weights.Performance | None
 
 
-class ControllerFormsRequest(AnalysisRequest):
+class ControllerFormsRequest(ArrangedRequest):
     """Ask for the ideal and parallel forms of controllers, or for what is typed of them."""
 
     loops: Annotated[tuple[Loop, ...], Field(min_length=1, max_length=MAX_UNITS)] = Field(
@@ -195,14 +196,16 @@ class ControllerFormsRequest(AnalysisRequest):
                 message = "needed where a plant is given"
                 raise InvalidInputError(message, f"/{name}")
         with below("/plant"):
-            plant = self.plant.build()
+            given = self.plant.build()
+        plant = self.arranged(given)
         if count != plant.n:
             message = f"{count} loops for a plant of {plant.n} units"
             raise InvalidInputError(message, "/loops")
         with below("/uncertainty"):
             uncertainty = self.uncertainty.build(plant.n) if self.uncertainty else None
+        scales = None if uncertainty is None else default_scales(self, plant.n, uncertainty)
         with below("/performance"):
-            performance = self.performance.build() if self.performance else None
+            performance = self.performance.build(scales) if self.performance else None
         if performance is None or performance.tau_p is None:
             message = "an analysis needs a time constant"
             raise InvalidInputError(message, "/performance/tau_p")

@@ -12,9 +12,9 @@ import solver.model.plants
 import solver.model.weights
 import solver.simulation.directions
 import solver.simulation.step_response
+from service.schemas.arrangement import ArrangedRequest
 from service.schemas.fields import (
     WHOLE,
-    AnalysisRequest,
     Coefficient,
     PositiveTime,
     RequestModel,
@@ -124,7 +124,7 @@ class StepResponseTask:
 Row = Annotated[tuple[Coefficient, ...], Field(min_length=1, max_length=MAX_MATRIX_SIZE)]
 
 
-class StepResponseRequest(AnalysisRequest):
+class StepResponseRequest(ArrangedRequest):
     """Ask how a plant and its loops move after steps; everything rests at zero before."""
 
     plant: Plant = Field(description="The process; dead time is exact.", examples=[_PLANT])
@@ -187,7 +187,8 @@ class StepResponseRequest(AnalysisRequest):
 
         """
         with below("/plant"):
-            plant = self.plant.build()
+            given = self.plant.build()
+        plant = self.arranged(given)
         loops = []
         for index, loop in enumerate(self.loops):
             with below(f"/loops/{index}"):

@@ -1,0 +1,131 @@
+"""Pairing, groups by membership, scan time and spans in requests."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+from samples import ROBUSTNESS, TUNING
+
+from service.analyses.integrity import IntegrityRequest
+from service.analyses.robustness import RobustnessRequest, compute
+from service.analyses.step_response import StepResponseRequest
+from service.schemas import RequestError, TuningRequest, parse
+from service.schemas.encoding import encode
+from solver.model.errors import InvalidInputError
+
+
+def lag(gain: float, time: float, dead_time: float) -> dict[str, Any]:
+    """Return a first-order lag with dead time as a request has it."""
+    return {"num": [gain], "den": [time, 1], "dead_time": dead_time}
+
+
+# Wood and Berry (1973), minutes and per cent.
+ROWS = [
+    [lag(12.8, 16.7, 1), lag(-18.9, 21, 3)],
+    [lag(6.6, 10.9, 7), lag(-19.4, 14.4, 3)],
+]
+COLUMN = {
+    "plant": {"kind": "matrix", "elements": ROWS},
+    "uncertainty": {"epsilon": 0.1, "theta": 0.5},
+    "performance": {"tau_p": 12},
+    "loops": [{"gain": 0.5, "integral_time": 10}, {"gain": -0.08, "integral_time": 12}],
+}
+SWAPPED = {**COLUMN, "plant": {"kind": "matrix", "elements": [row[::-1] for row in ROWS]}}
+
+
+def built(model: Any, request: dict[str, Any]) -> Any:
+    """Return what a request builds, its JSON read as the service reads it."""
+    return parse(model, json.dumps(request)).build()
+
+
+@pytest.mark.parametrize("model", [RobustnessRequest, IntegrityRequest])
+def test_pairing_of_given_loops_undoes_swapped_inputs(model: Any) -> None:
+    """Analyses of given loops see the plant as it is paired."""
+    usual = built(model, COLUMN)
+    assert built(model, {**SWAPPED, "pairing": [1, 0]}).plant == usual.plant
+
+
+def test_pairing_of_step_responses() -> None:
+    """A step response sees the paired plant too."""
+    request = {
+        "plant": SWAPPED["plant"], "loops": COLUMN["loops"], "duration": 10, "pairing": [1, 0],
+        "steps": [{"kind": "setpoint", "unit": 0, "time": 0, "size": 1}],
+    }  # fmt: skip
+    assert (
+        built(StepResponseRequest, request).experiment.plant
+        == built(RobustnessRequest, COLUMN).plant
+    )
+
+
+def test_scan_of_given_loops_is_dead_time_and_said() -> None:
+    """The scan delays the plant, and a slow one is warned of."""
+    request = parse(RobustnessRequest, json.dumps({**ROBUSTNESS, "scan_time": 0.5}))
+    assert request.build().plant.process.dead_time == 0.75
+    found = compute(request)
+    assert any("the scan time 0.5 is not small" in warning for warning in found["warnings"])
+
+
+@pytest.mark.parametrize(
+    ("model", "change", "pointer"),
+    [
+        (RobustnessRequest, {**COLUMN, "pairing": [0]}, "/pairing"),
+        (RobustnessRequest, {**COLUMN, "pairing": [0, 0]}, "/pairing/1"),
+        (TuningRequest, {**TUNING, "pairing": [0, 1, 2]}, "/pairing"),
+        (TuningRequest, {**TUNING, "as_found": [{"gain": 1, "integral_time": 1}]}, "/as_found"),
+        (TuningRequest, {**TUNING, "controller": {"groups": [[0], [1]]}}, "/controller/groups"),
+        (
+            TuningRequest,
+            {**TUNING, "controller": {"arrangement": "grouped", "groups": [[0], [2]]}},
+            "/controller/groups/1/0",
+        ),
+        (TuningRequest, {**TUNING, "controller": {"resolution": {}}}, "/controller/resolution"),
+        (TuningRequest, {**TUNING, "instruments": [{}, {}, {}]}, "/instruments"),
+    ],
+)
+def test_contradictions_are_refused_by_pointer(
+    model: Any, change: dict[str, Any], pointer: str
+) -> None:
+    """What does not fit the plant is named where it stands."""
+    with pytest.raises((InvalidInputError, RequestError)) as caught:
+        built(model, change)
+    error = caught.value
+    assert getattr(error, "field", None) == pointer
+
+
+def test_unlike_spans_are_the_default_of_the_permitted_errors() -> None:
+    """Spans of 1 and 100 stand for permitted errors of 1 and 100; given errors stay."""
+    spans = [{"output_span": 1}, {"output_span": 100}]
+    task = built(TuningRequest, {**TUNING, "instruments": spans})
+    assert task.performance.output_scale == (1, 100)
+    given = {"output_scale": [1.0, 2.0]}
+    task = built(TuningRequest, {**TUNING, "instruments": spans, "performance": given})
+    assert task.performance.output_scale == (1, 2)
+
+
+@pytest.mark.parametrize(
+    "instruments", [None, [{"output_span": 10}], [{"output_span": 1}, {}], [{"output_span": 2}] * 2]
+)
+def test_like_or_unknown_spans_change_nothing(instruments: Any) -> None:
+    """Without unlike spans of all outputs they are compared as they come."""
+    task = built(TuningRequest, {**TUNING, "instruments": instruments})
+    assert task.performance.output_scale is None
+
+
+def test_full_uncertainty_knows_no_spans() -> None:
+    """Inputs that err in concert are compared in their own units: spans are no default there."""
+    request = {
+        **TUNING, "instruments": [{"output_span": 1}, {"output_span": 100}],
+        "uncertainty": {"epsilon": 0.2, "theta": 1, "structure": "full"},
+    }  # fmt: skip
+    assert built(TuningRequest, request).performance.output_scale is None
+
+
+def test_old_requests_mean_what_they_meant() -> None:
+    """A request without the new fields builds the same task as before them."""
+    task = built(TuningRequest, TUNING)
+    assert (task.pairing, task.groups, task.scan_time) == (None, None, 0.0)
+    assert (task.resolution, task.as_found) == (None, None)
+    assert task.arranged(None) is task
+    assert encode(task.plant)["n"] == 2
