@@ -62,8 +62,10 @@ if TYPE_CHECKING:
     from solver.limits.lower_bound import LowerBound
     from solver.limits.multivariable import multivariable_limit
     from solver.limits.record import Limit, LimitStatus, Realised
+    from solver.model.arranged import paired, sampled
     from solver.model.controllers import Controller, IdealForm, ParallelForm
     from solver.model.errors import Cancelled, InvalidInputError, MutuneError, UnsupportedPlantError
+    from solver.model.from_state_space import from_state_space
     from solver.model.parallel_equipment import (
         BurnerPasses,
         ParallelCompressors,
@@ -255,6 +257,7 @@ __all__ = [
     "difficult_direction",
     "easy_direction",
     "first_order",
+    "from_state_space",
     "identify",
     "integrity",
     "load",
@@ -262,6 +265,7 @@ __all__ = [
     "loop_margins",
     "multivariable_limit",
     "niederlinski_index",
+    "paired",
     "plant",
     "rank_pairings",
     "read_certificate",
@@ -269,6 +273,7 @@ __all__ = [
     "relative_gain_array",
     "relay_experiment",
     "relay_record",
+    "sampled",
     "simulate_drives",
     "step_response",
     "to_control",
@@ -317,6 +322,8 @@ _HOMES = {
     "solver.model.parallel_equipment": "BurnerPasses ParallelCompressors ParallelExchangers",
     "solver.model.peaks": "Peak",
     "solver.model.physical_models": "Blender CooledReactors StreamSplit",
+    "solver.model.arranged": "paired sampled",
+    "solver.model.from_state_space": "from_state_space",
     "solver.model.plants": "MatrixPlant ParallelPlant Plant first_order",
     "solver.model.state_space": "StateSpace",
     "solver.model.transfer_function": "TransferFunction",

@@ -6,12 +6,22 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+import solver.model.from_state_space
 import solver.model.plants
 import solver.model.transfer_function
 from service.schemas.fields import WHOLE, Coefficients, Gain, Ratio, RequestModel, Time, below
 from solver.model.plants import MAX_MATRIX_SIZE, MAX_UNITS
+from solver.model.state_space import MAX_STATES
+from solver.model.transfer_function import LARGEST
 
-__all__ = ["FirstOrderPlant", "MatrixPlant", "ParallelPlant", "Plant", "TransferFunction"]
+__all__ = [
+    "FirstOrderPlant",
+    "MatrixPlant",
+    "ParallelPlant",
+    "Plant",
+    "StateSpacePlant",
+    "TransferFunction",
+]
 
 _LAG = {"num": [1.0], "den": [100.0, 1.0], "dead_time": 0.0}
 _CROSS = {"num": [0.949], "den": [100.0, 1.0], "dead_time": 0.0}
@@ -118,4 +128,37 @@ class MatrixPlant(RequestModel):
         return solver.model.plants.MatrixPlant(rows)
 
 
-Plant = Annotated[ParallelPlant | FirstOrderPlant | MatrixPlant, Field(discriminator="kind")]
+Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
+_StateRows = Annotated[
+    tuple[Annotated[tuple[Number, ...], Field(max_length=MAX_STATES)], ...],
+    Field(max_length=MAX_STATES, json_schema_extra={"x-unit": "1/time, of the signals"}),
+]
+
+
+class StateSpacePlant(RequestModel):
+    """A square plant in state space, x' = A x + B u, y = C x + D u; loop k connects y_k to u_k."""
+
+    kind: Literal["state_space"] = Field(
+        description="Matrices of a state-space model.", examples=["state_space"]
+    )
+    A: _StateRows = Field(
+        description="Rows of A, r x r; without modes in the right half plane.",
+        examples=[[[-0.01, 0.0], [0.0, -0.02]]],
+    )
+    B: _StateRows = Field(description="Rows of B, r x n.", examples=[[[0.01, 0.0], [0.0, 0.02]]])
+    C: _StateRows = Field(description="Rows of C, n x r.", examples=[[[1.0, 0.5], [0.5, 1.0]]])
+    D: _StateRows = Field(
+        description="Rows of D, n x n; n is at most 10.", examples=[[[0.0, 0.0], [0.0, 0.0]]]
+    )
+    dead_time: Time = Field(default=0.0, description="Dead time in every element.", examples=[0.0])
+
+    def build(self) -> solver.model.plants.Plant:
+        """Return the solver's plant: elements with the frequency response of the model."""
+        return solver.model.from_state_space.from_state_space(
+            self.A, self.B, self.C, self.D, dead_time=self.dead_time
+        )
+
+
+Plant = Annotated[
+    ParallelPlant | FirstOrderPlant | MatrixPlant | StateSpacePlant, Field(discriminator="kind")
+]

@@ -79,7 +79,14 @@ def check_pairing(pairing: Sequence[int], n: int) -> tuple[int, ...]:
 
 
 def sampled(plant: Plant, scan_time: float) -> Plant:
-    """Return the plant under controllers that run once every `scan_time` (time unit), >= 0.
+    """Return the plant under digital controllers.
+
+    Parameters
+    ----------
+    plant : Plant
+        Any.
+    scan_time : float
+        Time between two scans, time unit of the plant, >= 0.
 
     Raises
     ------

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from solver.model.controllers import Controller
-from solver.model.errors import InvalidInputError, UnsupportedPlantError
+from solver.model.errors import InvalidInputError
+from solver.model.from_state_space import from_state_space
 from solver.model.plants import MatrixPlant, ParallelPlant, Plant
 from solver.model.transfer_function import TransferFunction
 from solver.model.validation import instances, integer, items, real, real_array
@@ -26,10 +27,10 @@ def plant(G: Any, *, dead_time: Any = 0.0) -> Plant:  # noqa: ANN401 - objects o
     Parameters
     ----------
     G : object
-        A square continuous-time transfer function: of python-control (``control.tf``), or of
-        scipy.signal with one input and output (``scipy.signal.lti`` in any form but state
-        space). Or a square nested list whose entries are such objects, `TransferFunction`,
-        pairs ``(num, den)`` of coefficients in descending powers of s, or numbers.
+        A square continuous-time model: of python-control (``control.tf``, ``control.ss``), or of
+        scipy.signal (``scipy.signal.lti`` in any form; see `from_state_space`). Or a square nested
+        list whose entries are such objects, `TransferFunction`, pairs ``(num, den)`` of
+        coefficients in descending powers of s, or numbers.
     dead_time : float or (n, n) array_like
         Dead time of every element, in the time unit of G, >= 0; added to that of the entries.
 
@@ -44,7 +45,7 @@ def plant(G: Any, *, dead_time: Any = 0.0) -> Plant:  # noqa: ANN401 - objects o
     InvalidInputError
         Not square, improper, of discrete time, or nothing of the above.
     UnsupportedPlantError
-        In state space: convert it first (``control.ss2tf``) and look at what cancels.
+        In state space with a mode in the right half plane.
 
     Examples
     --------
@@ -123,8 +124,9 @@ def to_control(
 
 def _rows(G: Any) -> list[list[TransferFunction]]:  # noqa: ANN401 - see `plant`
     if _is_state_space(G):
-        message = "a state-space model: make it a transfer function first, and see what cancels"
-        raise UnsupportedPlantError(message, "")
+        _require_continuous(G, "")
+        found = from_state_space(G.A, G.B, G.C, G.D)
+        return [list(row) for row in found.rows]
     if hasattr(G, "ninputs") and hasattr(G, "noutputs") and hasattr(G, "num"):
         _require_continuous(G, "")
         size = G.noutputs, G.ninputs
@@ -153,8 +155,12 @@ def _entry(entry: Any, field: str) -> TransferFunction:  # noqa: ANN401 - see `p
     if isinstance(entry, TransferFunction):
         return entry
     if _is_state_space(entry):
-        message = "a state-space model: make it a transfer function first, and see what cancels"
-        raise UnsupportedPlantError(message, field)
+        _require_continuous(entry, field)
+        found = from_state_space(entry.A, entry.B, entry.C, entry.D)
+        if found.n != 1:
+            message = "an entry has one input and one output"
+            raise InvalidInputError(message, field)
+        return found.element(0, 0)
     if hasattr(entry, "ninputs") and hasattr(entry, "num"):
         _require_continuous(entry, field)
         if (entry.noutputs, entry.ninputs) != (1, 1):

@@ -8,7 +8,7 @@ import pytest
 import scipy.signal
 
 from solver.model.controllers import Controller
-from solver.model.errors import InvalidInputError, UnsupportedPlantError
+from solver.model.errors import InvalidInputError
 from solver.model.plants import MatrixPlant, ParallelPlant, first_order
 from solver.model.transfer_function import TransferFunction
 from solver.workbench.interchange import plant, to_control
@@ -81,11 +81,12 @@ def test_what_is_no_plant_is_refused(G, field):
 
 
 @pytest.mark.parametrize("G", [control.ss(-1, 1, 1, 0), scipy.signal.StateSpace(-1, 1, 1, 0)])
-def test_state_space_is_refused(G):
-    """The conversion cancels, and its user must see what."""
-    for given in (G, [[G]]):
-        with pytest.raises(UnsupportedPlantError, match="transfer function"):
-            plant(given)
+def test_state_space_is_what_it_responds_with(G):
+    """A state-space object is the plant with its frequency response."""
+    omega = np.array([0.1, 1.0, 10.0])
+    expected = 1 / (1j * omega + 1)
+    assert np.allclose(plant(G).response(omega)[:, 0, 0], expected, rtol=1e-9)
+    assert np.allclose(plant([[G]]).response(omega)[:, 0, 0], expected, rtol=1e-9)
 
 
 @pytest.mark.parametrize("dead_time", [-1, "1", [1], [[1, 2]], True, np.nan])
