@@ -63,14 +63,7 @@ class IntegrityRequest(GivenLoops):
     model_config = ConfigDict(json_schema_extra={"examples": [EXAMPLE]})
 
     def build(self) -> LoopsTask:
-        """Return the arguments of the solver's analysis.
-
-        Raises
-        ------
-        InvalidInputError
-            A value that the mathematics cannot accept, by pointer into this request.
-
-        """
+        """Return the arguments of the solver's analysis."""
         return self.parts()
 
 

@@ -117,14 +117,7 @@ class DecouplingRequest(AnalysisRequest):
     model_config = ConfigDict(json_schema_extra={"examples": [EXAMPLE]})
 
     def build(self) -> DecouplingSpecification:
-        """Return the solver's specification.
-
-        Raises
-        ------
-        InvalidInputError
-            A value that the mathematics cannot accept, by pointer into this request.
-
-        """
+        """Return the solver's specification."""
         with below("/plant"):
             plant = self.plant.build()
         with below("/limits"):

@@ -101,14 +101,7 @@ class InteractionRequest(AnalysisRequest):
     model_config = ConfigDict(json_schema_extra={"examples": [EXAMPLE]})
 
     def build(self) -> InteractionTask:
-        """Return what to analyse.
-
-        Raises
-        ------
-        InvalidInputError
-            A value that the mathematics cannot accept, by pointer into this request.
-
-        """
+        """Return what to analyse."""
         with below("/plant"):
             plant = self.plant.build()
         effect = None

@@ -135,14 +135,7 @@ class ParallelDrivesRequest(AnalysisRequest):
     model_config = ConfigDict(json_schema_extra={"examples": [EXAMPLE]})
 
     def build(self) -> DriveExperiment:
-        """Return what to analyse and simulate.
-
-        Raises
-        ------
-        InvalidInputError
-            A value that the mathematics cannot accept, by pointer into this request.
-
-        """
+        """Return what to analyse and simulate."""
         with below("/load"):
             load = self.load.build()
         drives = []

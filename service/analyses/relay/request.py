@@ -116,14 +116,7 @@ class RelayExperimentRequest(AnalysisRequest):
     model_config = ConfigDict(json_schema_extra={"examples": [EXAMPLE]})
 
     def build(self) -> solver.relay.experiment.RelayExperiment:
-        """Return the solver's experiment.
-
-        Raises
-        ------
-        InvalidInputError
-            A value that the mathematics cannot accept, by pointer into this request.
-
-        """
+        """Return the solver's experiment."""
         with below("/plant"):
             plant = self.plant.build()
         with below("/relay"):

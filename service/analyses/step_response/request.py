@@ -178,14 +178,7 @@ class StepResponseRequest(ArrangedRequest):
     model_config = ConfigDict(json_schema_extra={"examples": [EXAMPLE]})
 
     def build(self) -> StepResponseTask:
-        """Return what to simulate.
-
-        Raises
-        ------
-        InvalidInputError
-            A value that the mathematics cannot accept, by pointer into this request.
-
-        """
+        """Return what to simulate."""
         with below("/plant"):
             given = self.plant.build()
         plant = self.arranged(given)
