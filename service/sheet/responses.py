@@ -7,8 +7,9 @@ is worst for robust performance. The band is drawn from these plants; it proves 
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,11 +29,26 @@ from solver.simulation.step_response import step_response
 from solver.simulation.worst_actuators import worst_actuators
 from solver.stability.closed_loop import is_stable
 
-__all__ = ["SHOWN", "Band", "Measured", "Moves", "Response", "interchange", "moves"]
+__all__ = [
+    "MOST_STEPS",
+    "SHOWN",
+    "Band",
+    "Measured",
+    "Moves",
+    "Response",
+    "interchange",
+    "moves",
+    "steps_of",
+]
 
 SHOWN = 4  # kinds of loops; a figure of more is read by nobody
 _SHARE = 0.1  # of a span: the steps where spans are known
-_PROBES = (10.0, 40.0, 160.0)  # closed-loop time constants within which loops settle
+_PROBES = (3.0, 12.0, 48.0, 192.0)  # closed-loop time constants within which loops settle
+_COARSE, _ENOUGH = 150, 0.99  # samples that a curve needs; a length that counts as the whole one
+_FINE = 2001  # samples of a response whose beginning alone may be shown
+# A simulation takes at least a step for each shortest dead time. So many steps take about a second:
+# more are not spent on finding out how long a response lasts, nor on the plants of the band.
+MOST_STEPS = 4000
 _BEYOND = 1.4  # times the settling time is shown
 _SET_POINT_BAND, _LOAD_BAND = 0.02, 0.05  # of the step, and of the largest error: settled
 
@@ -117,13 +133,17 @@ def moves(tuned: RequestedTuning, others: dict[str, tuple[Controller, ...]]) -> 
     """
     plant = tuned.plant
     stable = {name for name, loops in others.items() if is_stable(plant, loops)}
-    band = tuple(_plants_of_the_set(tuned))
     kinds = interchangeable(plant, tuned.loops)[:SHOWN]
     for kind in (StepKind.SETPOINT, StepKind.LOAD):
         tasks = [_Task(tuned, _step(tuned, kind, units[0])) for units in kinds]
-        duration = max(task.duration(tuned.loops) for task in tasks)
-        for units, task in zip(kinds, tasks, strict=True):
-            given = task.response(tuned.loops, duration)
+        first = [task.until_settled(tuned.loops) for task in tasks]
+        duration = max(response.shown for response in first)
+        count = int(MOST_STEPS // (len(kinds) * steps_of(plant, duration)))
+        band = tuple(itertools.islice(_plants_of_the_set(tuned), count))
+        for units, task, seen in zip(kinds, tasks, first, strict=True):
+            given = seen.within(duration)
+            if given.time[-1] < _ENOUGH * duration or given.time.size < _COARSE:
+                given = task.response(tuned.loops, duration)
             span = instrument_of(tuned, units[0]).input_span
             half = None if span is None else span / 2
             limited = None
@@ -144,6 +164,12 @@ def moves(tuned: RequestedTuning, others: dict[str, tuple[Controller, ...]]) -> 
             )
 
 
+def steps_of(plant: Plant, duration: float) -> float:
+    """Return how many steps a simulation takes at least: one for each shortest dead time."""
+    delays = [element.dead_time for element in plant.elements if element.dead_time > 0]
+    return max(1.0, duration / min(delays)) if delays else 1.0
+
+
 def interchange(plant: Plant, loops: Sequence[Controller]) -> bool:
     """Return whether the loops are all alike: what one does, all do."""
     return len(interchangeable(plant, loops)) == 1
@@ -156,6 +182,22 @@ def _step(tuned: RequestedTuning, kind: StepKind, unit: int) -> Step:
     return Step(kind, unit, 0.0, 1.0 if span is None else _SHARE * span)
 
 
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """A response, and how long it is worth showing."""
+
+    response: Response
+    shown: float
+
+    def within(self, duration: float) -> Response:
+        """Return the response up to there."""
+        whole = self.response
+        kept = whole.time <= duration
+        return replace(
+            whole, time=whole.time[kept], output=whole.output[kept], input=whole.input[kept]
+        )
+
+
 @dataclass(frozen=True)
 class _Task:
     """One step on one loop of the tuned plant."""
@@ -163,15 +205,31 @@ class _Task:
     tuned: RequestedTuning
     step: Step
 
-    def duration(self, loops: Sequence[Controller]) -> float:
-        """Return how much of the response is worth showing: until it has settled, and some more."""
+    def until_settled(self, loops: Sequence[Controller]) -> _Seen:
+        """Return a response with how much of it is worth showing: until it has settled, and more.
+
+        Raises
+        ------
+        InvalidInputError
+            The dead time is too short to simulate even the first part.
+
+        """
         tau_p = self.tuned.result.tau_p
         assert tau_p is not None  # noqa: S101 - for the type checker: there are settings
+        if steps_of(self.tuned.plant, _PROBES[0] * tau_p) > MOST_STEPS:
+            message = "the shortest dead time is too short for responses of this length"
+            raise InvalidInputError(message)
+        seen = None
         for probe in _PROBES:
-            settled = self.response(loops, probe * tau_p).measured.settling_time
+            if seen is not None and steps_of(self.tuned.plant, probe * tau_p) > MOST_STEPS:
+                return seen
+            response = self.response(loops, probe * tau_p, samples=_FINE)
+            seen = _Seen(response, probe * tau_p)
+            settled = response.measured.settling_time
             if settled is not None and settled * _BEYOND <= probe * tau_p:
-                return max(_BEYOND * settled, tau_p)
-        return _PROBES[-1] * tau_p
+                return _Seen(response, max(_BEYOND * settled, tau_p))
+        assert seen is not None  # noqa: S101 - for the type checker: there are probes
+        return seen
 
     def response(
         self,
@@ -180,6 +238,7 @@ class _Task:
         *,
         actuators: Actuators | None = None,
         limit: float | None = None,
+        samples: int = 501,
     ) -> Response:
         """Simulate."""
         limits = None
@@ -191,6 +250,7 @@ class _Task:
                 tuple(Loop.of(loop) for loop in loops),
                 (self.step,),
                 duration,
+                samples=samples,
                 actuators=actuators,
                 limits=limits,
             )
@@ -228,7 +288,7 @@ def _band(runs: Sequence[Response]) -> Band | None:
 
 
 def _plants_of_the_set(tuned: RequestedTuning) -> Iterator[Actuators]:
-    """Yield actuators within the uncertainty: all up, all down, in turns, and the worst."""
+    """Yield actuators within the uncertainty: the worst, all up, all down, in turns."""
     n = tuned.plant.n
 
     def off(unit: int, sign: int) -> TransferFunction:
@@ -238,13 +298,13 @@ def _plants_of_the_set(tuned: RequestedTuning) -> Iterator[Actuators]:
             tuple(np.polyadd(weight.den, sign * np.array(weight.num))), weight.den
         )
 
+    try:
+        worst = worst_actuators(tuned.plant, tuned.loops, tuned.uncertainty, tuned.performance)
+    except InvalidInputError:
+        worst = None
+    if worst is not None:
+        yield worst
     yield OwnActuators(tuple(off(unit, 1) for unit in range(n)))
     yield OwnActuators(tuple(off(unit, -1) for unit in range(n)))
     if n > 1:
         yield OwnActuators(tuple(off(unit, 1 if unit % 2 == 0 else -1) for unit in range(n)))
-    try:
-        worst = worst_actuators(tuned.plant, tuned.loops, tuned.uncertainty, tuned.performance)
-    except InvalidInputError:
-        return
-    if worst is not None:
-        yield worst

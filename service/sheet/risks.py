@@ -15,7 +15,7 @@ import numpy as np
 
 from service.schemas.sheet import Topic
 from service.sheet.naming import instrument_of, loops_name
-from service.sheet.responses import SHOWN, Moves
+from service.sheet.responses import MOST_STEPS, SHOWN, Moves, steps_of
 from service.tuned import RequestedTuning
 from service.wording import NO_LESS, number
 from solver.model.controllers import Controller
@@ -165,12 +165,13 @@ def _worst_overshoot(tuned: RequestedTuning, rest: Sequence[int]) -> tuple[str, 
     assert tuned.result.tau_p is not None  # noqa: S101 - for the type checker: there are settings
     found: list[tuple[float, int]] = []
     closed = tuple(Loop.of(loop) for loop in remaining)
+    duration = _PLENTY * tuned.result.tau_p
+    if steps_of(part, duration) > MOST_STEPS:
+        return None
     for kind in interchangeable(part, remaining)[:SHOWN]:
         step = Step(StepKind.SETPOINT, kind[0], 0.0, 1.0)
         try:
-            response = step_response(
-                Experiment(part, closed, (step,), _PLENTY * tuned.result.tau_p)
-            )
+            response = step_response(Experiment(part, closed, (step,), duration))
         except InvalidInputError:
             return None
         own = next(each for each in response.responses if kind[0] in each.units)

@@ -29,7 +29,7 @@ export function put(place, ...children) {
  */
 export function table(caption, head, rows) {
   const cell = (/** @type {Child} */ content, column) =>
-    column ? h("td", { class: String(content).length > LONG && "text" }, content) : h("th", { scope: "row" }, content);
+    column || content === "" ? h("td", { class: String(content).length > LONG && "text" }, content) : h("th", { scope: "row" }, content);
   return scroller(caption, "scroll",
     h("table", {},
       h("caption", {}, caption),

@@ -3,8 +3,10 @@
 import { connection, onKeyNeeded, Problem } from "./api.js";
 import { h, lead } from "./dom.js";
 import { label } from "./format.js";
-import { compareView, historyView } from "./history.js";
+import { compareView } from "./compare.js";
+import { historyView } from "./history.js";
 import { jobView } from "./job.js";
+import { recordView } from "./record.js";
 import { requestView } from "./request.js";
 import { analyses, loadSchema } from "./schema.js";
 
@@ -19,6 +21,7 @@ function show(view, path, query) {
   const [place, name] = path.split("/");
   const from = query.get("from");
   if (place === "tunings") return name ? jobView(view, name, query) : historyView(view);
+  if (place === "record") return recordView(view);
   if (place === "compare") return compareView(view, query);
   if (place !== "analyses") return requestView(view, "/v1/tunings", from);
   const analysis = analyses().find((one) => one.name === name);
@@ -39,7 +42,7 @@ async function route() {
   const [path, query = ""] = location.hash.replace(/^#\/?/, "").split("?");
   const area = path.split("/")[0];
   for (const link of document.querySelectorAll("nav.site a")) {
-    const own = link.getAttribute("href") === `#/${area === "compare" ? "tunings" : area}`;
+    const own = link.getAttribute("href") === `#/${{ compare: "tunings", record: "" }[area] ?? area}`;
     if (own) link.setAttribute("aria-current", "page");
     else link.removeAttribute("aria-current");
   }

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from playwright.sync_api import Locator, Page, expect
 from running import Service
-from watching import Watched
+from watching import ROOT, Watched
 
 ENTRIES = {
     "/plant/n": "2",
@@ -311,3 +311,47 @@ def test_six_burners(watched: Watched) -> None:
     watched.wait_for_figures()
     expect(page.locator(".risks li").first).to_be_visible()
     watched.inspect("six-burners")
+
+
+def test_from_a_record_to_settings(watched: Watched) -> None:
+    """A step test as CSV is drawn, marked and fitted, and its model tuned."""
+    page = watched.page
+    watched.go("#/record")
+    page.get_by_label("Record, CSV").set_input_files(ROOT / "examples" / "two_heaters_steps.csv")
+    expect(page.locator(".curve")).to_have_count(4)
+    expect(page.get_by_label("Heater 2")).to_have_value("input")
+    expect(page.get_by_label("Temperature 2")).to_have_value("output")
+    box = page.locator(".curve svg").first.bounding_box()
+    assert box is not None
+    middle = box["y"] + box["height"] / 2
+    page.mouse.move(box["x"] + 1, middle)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 0.9 * box["width"], middle)
+    page.mouse.up()
+    assert 500 < float(page.get_by_label("to, s").input_value()) < 560
+    watched.inspect("record")
+    page.get_by_label("First", exact=True).check()
+    page.get_by_role("button", name="Find the model").click()
+    on = page.get_by_role("button", name="Tune with this model")
+    expect(on).to_be_visible()
+    watched.wait_for_figures()
+    watched.inspect("record-fitted")
+    on.click()
+    expect(field(page, "/title")).to_have_value("two_heaters_steps")
+    start(page)
+    typed = page.locator("section").filter(
+        has=page.get_by_role("heading", name="What do I type in?")
+    )
+    expect(typed.get_by_role("row", name="Temperature 1")).to_be_visible()
+    watched.wait_for_figures()
+    watched.inspect("record-tuned")
+
+
+def test_a_file_that_is_no_record_is_refused(watched: Watched, tmp_path: Path) -> None:
+    """A file without numbers says so, and the view stays usable."""
+    page = watched.page
+    watched.go("#/record")
+    empty = tmp_path / "empty.csv"
+    empty.write_text("time,u,y\n")
+    page.get_by_label("Record, CSV").set_input_files(empty)
+    expect(page.get_by_role("alert").first).to_contain_text("There are no rows of numbers.")

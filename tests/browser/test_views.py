@@ -51,13 +51,24 @@ def test_history_leads_to_a_comparison(watched: Watched, tuned: tuple[str, str])
     for job_id in tuned:
         page.locator(f"tr:has([href$='{job_id}'])").get_by_role("checkbox").check()
     watched.inspect("history")
-    page.get_by_role("button", name="Compare the two chosen").click()
+    page.get_by_role("button", name="Compare the chosen").click()
     results = page.get_by_role("row", name="Time constant")
+    expect(page.get_by_role("columnheader", name="B: Two parallel reactors")).to_be_visible()
     expect(results).to_contain_text("25.77")
     expect(results).to_contain_text("18.4")
     expect(page.get_by_role("row", name="Arrangement")).to_contain_text("identical")
     watched.wait_for_figures()
     watched.inspect("compare")
+
+
+def test_what_was_tuned_is_found_by_its_words(watched: Watched, tuned: tuple[str, str]) -> None:
+    """The history is searched by title, tag and id."""
+    page = watched.page
+    watched.go("#/tunings")
+    page.get_by_label("Find").fill(f"identical {tuned[0][:8]}")
+    expect(page.locator("tbody tr")).to_have_count(1)
+    page.get_by_label("Find").fill("nobody called it this")
+    expect(page.get_by_text("None of these has such words.")).to_be_visible()
 
 
 def test_times_are_compared_in_one_unit(watched: Watched) -> None:

@@ -171,3 +171,16 @@ def test_the_document_is_as_described() -> None:
     singular = {"kind": "first_order", "n": 2, "gain": 1, "time_constant": 1, "interaction": 1}
     none = loop_sheet(tuned("parallel_reactors", changed(plant=singular)))
     assert (none.behaviour, none.risks, none.figures) == ((), (), {})
+
+
+def test_a_short_dead_time_is_simulated_within_reason() -> None:
+    """Where steps as short as a dead time were too many the figures say so; the rest is there."""
+    plant = {
+        "kind": "first_order", "n": 2, "gain": 1, "time_constant": 100, "interaction": 0.5,
+        "dead_time": 1e-4,
+    }  # fmt: skip
+    made = loop_sheet(tuned("parallel_reactors", changed(plant=plant)))
+    assert set(made.omitted) == {"set_point", "load"}
+    assert "dead time" in made.omitted["load"]
+    assert not made.figures
+    assert any(risk.topic == "manual" for risk in made.risks)

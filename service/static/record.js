@@ -1,0 +1,137 @@
+/** From a record: plant data as CSV are drawn, marked and fitted, and the plant goes on to tuning. */
+
+import { Problem, request } from "./api.js";
+import { answered } from "./answer.js";
+import { chart } from "./chart.js";
+import { columnsOf, roleOf, timeOf } from "./csv.js";
+import { button, card, h, help, lead, put } from "./dom.js";
+import { newId, segments } from "./fields.js";
+import { setTimeUnit, timeUnit } from "./format.js";
+import { takeFiles } from "./intro.js";
+import { initial, operation } from "./schema.js";
+
+/** @typedef {import("./csv.js").Column} Column */
+
+const KEPT = "mutune.record"; // the record in hand, for as long as the tab is open
+const ROLES = [["none", "not used"], ["input", "input (valve, drive)"], ["output", "output (measurement)"]];
+const LEAST = 20; // samples of a part that can check a model
+
+/** @param {View} view */
+export async function recordView({ main, signal, go }) {
+  const place = h("div", { class: "answer" });
+  const problem = h("p", { class: "error", role: "alert" });
+  const show = (name, text) => {
+    problem.textContent = "";
+    try {
+      put(place, fitted(name, columnsOf(text), signal, go));
+    } catch (error) {
+      problem.textContent = `${name} cannot be read: ${/** @type {Error} */ (error).message}`;
+    }
+  };
+  const open = async (/** @type {File} */ file) => {
+    const text = await file.text();
+    try {
+      sessionStorage.setItem(KEPT, JSON.stringify({ name: file.name, text }));
+    } catch { /* too large to be kept: it is shown all the same */ }
+    show(file.name, text);
+  };
+  const file = h("input", { type: "file", accept: ".csv,text/csv", id: "record",
+    onchange: ({ target }) => target.files[0] && open(target.files[0]) });
+  takeFiles(main, signal, open);
+  main.replaceChildren(
+    lead("From a record", h("p", {}, "Step tests or other moves of the inputs, as a CSV file: a column of time, a "
+      + "column for each input and output. What the record cannot tell is said, and which test would.")),
+    h("section", { class: "card" }, h("div", { class: "field" }, h("label", { for: "record" }, "Record, CSV"), file),
+      help("Or drop it here. It stays in this tab until you press the button below."), problem), place);
+  const kept = sessionStorage.getItem(KEPT);
+  if (kept) {
+    const { name, text } = JSON.parse(kept);
+    show(name, text);
+  }
+}
+
+/** @param {string} name @param {Column[]} columns @param {AbortSignal} signal @param {(hash: string) => void} go */
+function fitted(name, columns, signal, go) {
+  const clock = timeOf(columns);
+  const time = columns[clock].values;
+  const others = columns.filter((_, k) => k !== clock);
+  if (columns[clock].unit) setTimeUnit(columns[clock].unit ?? "");
+  const [start, end] = [Number(time[0]), Number(time.at(-1))];
+  const roles = others.map((column) => {
+    const id = newId("f");
+    const select = h("select", { id }, ROLES.map(([value, text]) =>
+      h("option", { value, selected: roleOf(column) === value }, text)));
+    return { select, node: h("div", { class: "field" }, h("label", { for: id }, column.name), select) };
+  });
+  const limit = (text, value) => {
+    const id = newId("f");
+    const input = h("input", { id, type: "text", inputmode: "decimal", value: String(value) });
+    return { input, node: h("div", { class: "field" }, h("label", { for: id }, text), input) };
+  };
+  const [from, to] = [limit(`Use from, ${timeUnit()}`, start), limit(`to, ${timeUnit()}`, end)];
+  const curves = chart(time, others, (low, high) => {
+    from.input.value = String(Number(low.toPrecision(6)));
+    to.input.value = String(Number(high.toPrecision(6)));
+    curves.mark(low, high);
+  });
+  const marked = () => curves.mark(Number(from.input.value), Number(to.input.value));
+  for (const { input } of [from, to]) input.addEventListener("input", marked);
+  marked();
+  const alike = segments("Units", ["All alike", "Each its own"], 1);
+  const order = segments("Order of an element", ["As the record tells", "First", "Second"], 0);
+  const rest = h("input", { type: "checkbox" });
+  const outcome = h("div", { class: "outcome", "aria-live": "polite" });
+  const problem = h("p", { class: "error", role: "alert" });
+  const send = button("Find the model", async () => {
+    problem.textContent = "";
+    const part = (/** @type {(t: number) => boolean} */ inside) => {
+      const rows = time.map((t, i) => (inside(Number(t)) ? i : -1)).filter((i) => i >= 0);
+      const of = (role) => Object.fromEntries(others.filter((_, k) => roles[k].select.value === role)
+        .map((column) => [column.name, rows.map((i) => column.values[i])]));
+      return { name, time: rows.map((i) => time[i]), inputs: of("input"), outputs: of("output") };
+    };
+    const [low, high] = [Number(from.input.value), Number(to.input.value)];
+    const records = [part((t) => t >= low && t <= high)];
+    const later = part((t) => t > high);
+    if (rest.checked && later.time.length >= LEAST) records.push({ ...later, name: `${name}, rest`, use: "validate" });
+    const body = { records, structure: ["parallel", "matrix"][alike.read()],
+      order: ["auto", "first", "second"][order.read()] };
+    send.disabled = true;
+    put(outcome, h("p", { class: "busy" }, "Fitting …"));
+    try {
+      const found = await request("POST", "/v1/identifications", { body, signal });
+      const on = button("Tune with this model", () => handOn(name, found, others, go), "main");
+      put(outcome, h("p", { class: "buttons" }, on), answered(operation("/v1/identifications"), found));
+      outcome.scrollIntoView({ block: "start" });
+    } catch (error) {
+      if (signal.aborted) return;
+      put(outcome);
+      if (!(error instanceof Problem)) throw error;
+      problem.textContent = error.faults.length ? error.faults.map(({ detail }) => detail).join("; ") : error.message;
+    } finally {
+      send.disabled = false;
+    }
+  }, "main");
+  return [card(name, help("Drag over the curves to mark the part to use; a click marks all of it."), curves.node,
+    h("div", { class: "fields" }, from.node, to.node, roles.map(({ node }) => node)),
+    alike.node, order.node,
+    h("label", { class: "check" }, rest, "Check the model on what comes after the marked part"), problem,
+    h("p", {}, send)), outcome];
+}
+
+/** @param {string} name @param {any} found @param {Column[]} columns @param {(hash: string) => void} go */
+function handOn(name, { plant, uncertainty, epsilon, theta, outputs }, columns, go) {
+  const { num, den } = uncertainty.weight;
+  // The weight of an error and a time scale is told by these two, which can be moved.
+  const same = (a, b) => Math.abs(a - b) <= 1e-9 * Math.abs(b);
+  const simple = epsilon && theta && num.length === 2 && same(num[0] / num[1], theta / epsilon)
+    && same(den[0] / den[1], theta / 2) && same(num[1] / den[1], epsilon);
+  const unitOf = (/** @type {string} */ output) => columns.find((column) => column.name === output)?.unit ?? null;
+  const body = {
+    ...initial(operation("/v1/tunings").input), title: name.replace(/\.csv$/i, ""), time_unit: timeUnit(), plant,
+    uncertainty: simple ? { epsilon, theta, structure: uncertainty.structure } : uncertainty,
+    instruments: outputs.map((/** @type {string} */ tag) => ({ tag, output_unit: unitOf(tag) })),
+  };
+  sessionStorage.setItem("mutune.draft/v1/tunings", JSON.stringify(body));
+  go("#/");
+}
