@@ -5,12 +5,13 @@ The analyses say here what people read; `service.cli.console` gives it its form.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
 from service.schemas.peaks import Guarantee, Peaks
-from service.wording import forms, guarantee_text, number
+from service.wording import forms, guarantee_text, number, unit_of
 from solver.model.controllers import Controller
 
 __all__ = [
@@ -19,6 +20,7 @@ __all__ = [
     "Line",
     "Part",
     "form_parts",
+    "in_unit",
     "matrix",
     "peaks_grid",
     "proof_lines",
@@ -64,6 +66,28 @@ class Grid:
 
 
 Part = Line | Grid
+
+_TIMES = frozenset({"τI", "τD", "τF", "Ti", "Td", "Tf", "Ki", "Kd"})
+
+
+def in_unit(parts: Sequence[Part], unit: str | None) -> Sequence[Part]:
+    """Return the same parts with the unit of time named where one stands; None: it has no name."""
+    if unit is None:
+        return parts
+
+    def named(text: str) -> str:
+        text = re.sub(r"rad(/time| per time unit)\b", f"rad/{unit}", text)
+        return re.sub(r"(τP = [-+.e\d]*\d)", rf"\1 {unit}", text)
+
+    def head(text: str) -> str:
+        return text + unit_of(text, unit) if text in _TIMES else named(text)
+
+    return [
+        Line(named(part.text), part.style)
+        if isinstance(part, Line)
+        else Grid([*map(head, part.heads)], part.rows, part.left)
+        for part in parts
+    ]
 
 
 def matrix(

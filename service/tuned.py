@@ -64,7 +64,8 @@ class RequestedTuning:
             A text that does not match its schema.
 
         """
-        return cls(parse(TuningRequest, request), parse(TuningResult, result), unit)
+        asked = parse(TuningRequest, request)
+        return cls(asked, parse(TuningResult, result), asked.time_unit or unit)
 
     @classmethod
     def of(cls, request: TuningRequest, tuning: Tuning, unit: str = TIME_UNIT) -> RequestedTuning:

@@ -23,6 +23,7 @@ __all__ = [
     "number",
     "optimality_text",
     "peak_rows",
+    "unit_of",
     "units_text",
 ]
 
@@ -128,6 +129,14 @@ _SYMBOLS = {
     "ideal": ("K", "Ti", "Td", "Tf"),
     "parallel": ("Kp", "Ki", "Kd", "Tf"),
 }
+
+
+def unit_of(symbol: str, unit: str) -> str:
+    """Return the unit of a symbol of a form, after a comma, or nothing for a gain."""
+    named = {"Ki": f"1/{unit}", "Kd": unit}
+    if symbol in named or symbol[0] in "τT":
+        return f", {named.get(symbol, unit)}"
+    return ""
 
 
 def forms(controllers: Sequence[Controller]) -> tuple[Form, ...]:

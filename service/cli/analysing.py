@@ -9,15 +9,16 @@ import numpy as np
 
 from service import registry
 from service.analysis import compute
+from service.cli.handing_on import in_unit, requested
 from service.cli.outcomes import ExitCode, read_input, reported
 from service.problems import NumbersError
-from service.schemas.parsing import Fault, RequestError, parse
+from service.schemas.parsing import Fault, RequestError
 
 __all__ = ["analyse_file"]
 
 
 @reported
-def analyse_file(name: str, path: Path, *, as_json: bool) -> ExitCode:
+def analyse_file(name: str, path: Path, *, as_json: bool, time_unit: str | None = None) -> ExitCode:
     """Analyse the request in `path` and print the result.
 
     Parameters
@@ -25,9 +26,11 @@ def analyse_file(name: str, path: Path, *, as_json: bool) -> ExitCode:
     name : str
         Name of the analysis's module.
     path : Path
-        Request file, or ``-`` for standard input.
+        File with a request, or with what ``mutune tune --json`` printed; ``-``: standard input.
     as_json : bool
         Print the JSON result alone, instead of tables.
+    time_unit : str or None
+        Name of the unit of time, instead of the request's.
 
     Returns
     -------
@@ -37,7 +40,7 @@ def analyse_file(name: str, path: Path, *, as_json: bool) -> ExitCode:
 
     """
     analysis = registry.load(name)
-    request = parse(analysis.request, read_input(path))
+    request = in_unit(requested(analysis.request, read_input(path)), time_unit)
     try:
         document = compute(analysis.compute, request)
     except (ArithmeticError, np.linalg.LinAlgError):
@@ -48,6 +51,6 @@ def analyse_file(name: str, path: Path, *, as_json: bool) -> ExitCode:
     else:
         from service.cli.console import show  # noqa: PLC0415 - needed for people alone
 
-        show(analysis.table(result))
+        show(analysis.table(result), request.time_unit)
     failed = analysis.fails is not None and analysis.fails(result)
     return ExitCode.INFEASIBLE if failed else ExitCode.DONE

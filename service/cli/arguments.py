@@ -9,7 +9,15 @@ import typer
 
 from service.batch.formats import Rows, SettingsForm, TableFormat
 
-__all__ = ["AsJson", "FormOption", "Input", "RowsOption", "Scheduler", "TableFormatOption"]
+__all__ = [
+    "AsJson",
+    "FormOption",
+    "Input",
+    "RowsOption",
+    "Scheduler",
+    "TableFormatOption",
+    "TimeUnit",
+]
 
 Input = Annotated[
     Path,
@@ -17,6 +25,10 @@ Input = Annotated[
 ]
 AsJson = Annotated[
     bool, typer.Option("--json", help="Print the result as JSON and nothing else on stdout.")
+]
+TimeUnit = Annotated[
+    str | None,
+    typer.Option("--time-unit", metavar="UNIT", help="Name of the unit of time, as min."),
 ]
 Scheduler = Annotated[
     str | None,

@@ -18,6 +18,7 @@ from service.cli.arguments import (
     RowsOption,
     Scheduler,
     TableFormatOption,
+    TimeUnit,
 )
 
 __all__ = ["app"]
@@ -90,6 +91,7 @@ def tune(
             "--optimality-gap", help="Prove how far the result is from the best possible one."
         ),
     ] = False,
+    time_unit: TimeUnit = None,
 ) -> None:
     """Find the fastest robust loop settings."""
     # What is imported stays: looking through it a hundred times takes a tenth of a short command.
@@ -97,7 +99,13 @@ def tune(
     from service.cli.tuning import tune_file  # noqa: PLC0415 - heavy
 
     raise typer.Exit(
-        tune_file(request, as_json=as_json, report=report, optimality_gap=optimality_gap)
+        tune_file(
+            request,
+            as_json=as_json,
+            report=report,
+            optimality_gap=optimality_gap,
+            time_unit=time_unit,
+        )
     )
 
 
@@ -194,10 +202,10 @@ def _add_analysis(module: str) -> None:
     """Add the command of an analysis, which imports it when it runs."""
 
     @app.command(module.replace("_", "-"), help=registry.description(module))
-    def command(request: Input, *, as_json: AsJson = False) -> None:
+    def command(request: Input, *, as_json: AsJson = False, time_unit: TimeUnit = None) -> None:
         from service.cli.analysing import analyse_file  # noqa: PLC0415 - heavy
 
-        raise typer.Exit(analyse_file(module, request, as_json=as_json))
+        raise typer.Exit(analyse_file(module, request, as_json=as_json, time_unit=time_unit))
 
 
 @app.command()

@@ -9,16 +9,16 @@ from rich.console import Console, Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from service.printing import Line, Part
+from service.printing import Line, Part, in_unit
 
 __all__ = ["show", "to_rich"]
 
 _STYLES = {"plain": "", "strong": "bold", "alarm": "bold red", "warning": "yellow"}
 
 
-def show(parts: Sequence[Part]) -> None:
-    """Print `parts` on standard output."""
-    Console().print(to_rich(parts))
+def show(parts: Sequence[Part], unit: str | None = None) -> None:
+    """Print `parts` on standard output, times in `unit` where it has a name."""
+    Console().print(to_rich(in_unit(parts, unit)))
 
 
 def to_rich(parts: Sequence[Part]) -> RenderableType:

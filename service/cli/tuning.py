@@ -11,12 +11,13 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 import solver.tuning.record
 from service.cli.console import show
+from service.cli.handing_on import in_unit
 from service.cli.interruption import Stopping
 from service.cli.outcomes import ExitCode, exit_code_of, read_input, reported, say
 from service.cli.tables import tuning_table
 from service.schemas import TuningRequest, TuningResult, parse_tuning_request, tuning_to_json
 from service.tuned import RequestedTuning
-from service.wording import number
+from service.wording import TIME_UNIT, number
 from solver.tuning.compiling import Compiling
 
 __all__ = ["tune_file"]
@@ -29,7 +30,12 @@ _COMPILING = (
 
 @reported
 def tune_file(
-    path: Path, *, as_json: bool, report: Path | None = None, optimality_gap: bool = False
+    path: Path,
+    *,
+    as_json: bool,
+    report: Path | None = None,
+    optimality_gap: bool = False,
+    time_unit: str | None = None,
 ) -> ExitCode:
     """Tune the request in `path`, print the result and write a report of it.
 
@@ -43,6 +49,8 @@ def tune_file(
         HTML file to write.
     optimality_gap : bool
         Ask for the proof even if the request does not.
+    time_unit : str or None
+        Name of the unit of time, instead of the request's.
 
     Returns
     -------
@@ -55,19 +63,23 @@ def tune_file(
     if optimality_gap:
         search = request.search.model_copy(update={"optimality_gap": True})
         request = request.model_copy(update={"search": search})
+    request = in_unit(request, time_unit)
     with Stopping() as stopping:
         document = _tune(request, stopping)
     result = TuningResult.model_validate(document)
     if as_json:
         if stopping.wanted:
             say("Interrupted; this is the best so far.")
-        print(json.dumps(document, allow_nan=False))  # noqa: T201 - the output asked for
+        # With the request: what reads this next, as `mutune robustness -`, knows the plant too.
+        asked = request.model_dump(mode="json", exclude_unset=True)
+        print(json.dumps({**document, "request": asked}, allow_nan=False))  # noqa: T201 - asked for
     else:
-        show(tuning_table(result, interrupted=stopping.wanted))
+        show(tuning_table(result, interrupted=stopping.wanted), request.time_unit)
     if report is not None:
         from service.report.document import report_html  # noqa: PLC0415 - imports Plotly
 
-        report.write_text(report_html(RequestedTuning(request, result), datetime.now(UTC)), "utf-8")
+        record = RequestedTuning(request, result, request.time_unit or TIME_UNIT)
+        report.write_text(report_html(record, datetime.now(UTC)), "utf-8")
     return ExitCode.INTERRUPTED if stopping.wanted else exit_code_of(result)
 
 

@@ -24,6 +24,8 @@ from service.report import mathml
 from service.report.rendering import render, source
 from service.schemas import canonical
 from service.settings_wording import range_rows, resolution_text, together_text, tolerance_text
+from service.sheet.document import loop_sheet
+from service.sheet.naming import loops_name
 from service.tuned import RequestedTuning, Setting
 from service.wording import (
     OBJECTIVES,
@@ -43,6 +45,7 @@ from solver.robustness.margins import Margins, loop_margins
 __all__ = ["POLICY", "report_html"]
 
 _SETTINGS = ("gain", "integral_time", "derivative_time", "filter_time")
+_TAGS = 8  # of them that fit at the top of a page
 
 
 def report_html(tuned: RequestedTuning, made_at: datetime, job: str | None = None) -> str:
@@ -59,23 +62,33 @@ def report_html(tuned: RequestedTuning, made_at: datetime, job: str | None = Non
 
     """
     drawn = tuning_figures(tuned)
+    sheet = loop_sheet(tuned)
+    figures = {**sheet.figures, **drawn.figures}
     result = tuned.result
     drawing = {
         "template": template(Theme.LIGHT).to_plotly_json(),
-        "figures": {name: plain(figure) for name, figure in drawn.figures.items()},
+        "figures": {name: plain(figure) for name, figure in figures.items()},
     }
     request = canonical(tuned.request)
     archived = f'{{"request":{request},"result":{result.model_dump_json()}}}'
+    digest = hashlib.sha256(archived.encode()).hexdigest()
+    units = f"{tuned.plant.n} unit{'s' * (tuned.plant.n != 1)}"
+    title = tuned.request.title or f"Loop settings for {units}"
     return render(
         "report.html",
-        title=f"Loop settings for {tuned.plant.n} unit{'s' * (tuned.plant.n != 1)}",
+        title=title,
+        feet=_feet(title, tuned, digest),
+        names=[loops_name(tuned, setting.units) for setting in tuned.settings],
+        behaviour=sheet.behaviour,
+        risks=sheet.risks,
         headline=headline(result, tuned.unit),
         objective=OBJECTIVES[result.objective],
         tuned=tuned,
         made_at=made_at,
         job=job,
         version=__version__,
-        warnings=result.warnings,
+        # Those of a result with settings are among the risks.
+        warnings=() if tuned.settings else result.warnings,
         forms=forms([setting.controller for setting in tuned.settings]) if tuned.settings else (),
         elements=_elements(tuned),
         peaks=peak_rows(result.peaks),
@@ -89,17 +102,38 @@ def report_html(tuned: RequestedTuning, made_at: datetime, job: str | None = Non
         ranges=range_rows(result),
         tolerance=tolerance_text(near) if (near := result.settings_tolerance) else None,
         together=together_text(result),
-        figures={name: figure.layout.meta for name, figure in drawn.figures.items()},
-        omitted=drawn.omitted,
+        figures={name: figure.layout.meta for name, figure in figures.items()},
+        omitted={**sheet.omitted, **drawn.omitted},
         request=json.dumps(json.loads(request), indent=2),
         archive_link=_data_url(archived),
-        digest=hashlib.sha256(archived.encode()).hexdigest(),
+        digest=digest,
         drawing=_inert(drawing),
         plotly=_plotly(),
         script=_script(),
         style=source("report.css"),
         policy=POLICY,
     )
+
+
+def _feet(title: str, tuned: RequestedTuning, digest: str) -> Markup:
+    """Return the style that puts title, tags, digest and page number on every printed page."""
+    tags = [each.tag for each in tuned.request.instruments or () if each.tag]
+    named = f"{title}: {', '.join(tags[:_TAGS])}{', …' * (len(tags) > _TAGS)}" if tags else title
+    boxes = {
+        "top-left": _quoted_text(named),
+        "bottom-left": _quoted_text(f"mutune {__version__}, SHA-256 {digest[:16]}"),
+        "bottom-right": '"page " counter(page) " of " counter(pages)',
+    }
+    rules = " ".join(f"@{place} {{ content: {text}; }}" for place, text in boxes.items())
+    return Markup(f"@page {{ {rules} }}")  # noqa: S704 - every text in it is quoted for CSS
+
+
+def _quoted_text(text: str) -> str:
+    """Return a CSS string in which nothing is left that could end it, or a tag."""
+    plain_text = "".join(
+        each if each.isalnum() or each in " .,:-_/" else f"\\{ord(each):06x}" for each in text
+    )
+    return f'"{plain_text}"'
 
 
 def _elements(tuned: RequestedTuning) -> list[list[Markup]]:

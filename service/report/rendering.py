@@ -9,7 +9,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from service.report import mathml
-from service.wording import number
+from service.wording import number, unit_of
 
 __all__ = ["render", "source"]
 
@@ -32,6 +32,7 @@ def _environment() -> Environment:
         trim_blocks=True, lstrip_blocks=True,
     )  # fmt: skip
     environment.filters["number"] = number
+    environment.filters["unit_of"] = unit_of
     environment.filters["mathml"] = mathml.transfer_function
     environment.globals["zip"] = zip
     return environment
