@@ -45,6 +45,8 @@ def loop_sheet(tuned: RequestedTuning) -> LoopSheet:
             (), tuple(Said("note", "bad", text) for text in robustness.warnings), {}, {}
         )
     others = {IDENTICAL: tuned.identical} if tuned.identical and len(tuned.settings) > 1 else {}
+    if tuned.specification.as_found is not None:
+        others = {AS_FOUND: tuned.specification.as_found}
     today = tuned.result.as_found
     if today is not None and today.peaks is not None:  # else there is no analysis of them
         others[AS_FOUND] = tuned.as_found
@@ -73,7 +75,7 @@ def _rows(
         for set_point, load in zip(set_points, loads, strict=True):
             if name != FOUND and name not in set_point.others:
                 continue  # as on the loop before
-            alike = name != FOUND and robustness.margins[0].units == tuple(range(tuned.plant.n))
+            alike = name == IDENTICAL and robustness.margins[0].units == tuple(range(tuned.plant.n))
             first, second = _of(set_point, name), _of(load, name)
             margins = _margins(robustness, set_point.units[0], alone=tuned.plant.n == 1)
             yield Behaviour.model_validate(

@@ -77,6 +77,7 @@ def risks(
         *_saturation(tuned, moved),
         *_speed(tuned, robustness),
         *_settings(tuned),
+        *_as_found(tuned),
         *_identical(tuned),
         *(Said("note", "note", _sentence(text)) for text in tuned.result.advice),
     ]
@@ -362,6 +363,23 @@ def _rounded(loop: Controller, digits: int) -> Controller:
         derivative_time=short(loop.derivative_time),
         filter_time=short(loop.filter_time),
     )
+
+
+def _as_found(tuned: RequestedTuning) -> Iterator[Said]:
+    """Say what today's settings do under the same demand."""
+    found = tuned.result.as_found
+    if found is None:
+        return
+    if not found.nominally_stable:
+        yield Said("note", "warning", "As found the loops are unstable on this model: is it right?")
+    elif found.peaks is not None:
+        text = (
+            f"As found μ reaches {number(found.peaks.robust_performance.value)} under this demand"
+        )
+        if found.tau_p is not None:
+            text += f"; today's settings would keep it at τP = {number(found.tau_p)} "
+            text += tuned.unit
+        yield Said("note", "note", f"{text}.")
 
 
 def _identical(tuned: RequestedTuning) -> Iterator[Said]:

@@ -101,7 +101,7 @@ def test_report_has_peaks_margins_and_warnings(page: Page) -> None:
     """What an engineer checks before signing."""
     assert "robust performance 1.00035 0.031436" in page.words
     assert re.search(r"loop 2, together .*° ", page.words)
-    assert "group 0: the gain is on its upper bound" in page.words
+    assert "Careful: Group 0: the gain is on its upper bound" in page.words
     for role in ("prepared", "checked", "approved"):
         assert role in page.words
 
@@ -131,7 +131,7 @@ def test_policy_permits_exactly_the_scripts_inside(page: Page) -> None:
 def test_every_figure_has_its_place_and_alternative_text(page: Page) -> None:
     """Each figure of the data has an element, with its title and description as text."""
     figures = json.loads(page.scripts[0])["figures"]
-    assert len(figures) == 8
+    assert len(figures) == 10
     places = {a["id"]: a for t, a in page.elements if t == "div" and "id" in a}
     assert set(places) == {f"figure-{name}" for name in figures}
     for name, figure in figures.items():
@@ -220,7 +220,7 @@ def test_figures_are_drawn_in_a_browser_without_network(html: str, tmp_path: Pat
         drawn = page.locator(".plot:has(g.trace)").count()
         browser.close()
     assert complaints == []
-    assert drawn == 8
+    assert drawn == 10
 
 
 def test_command_line_writes_a_report(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
