@@ -282,7 +282,7 @@ def _saturated(tuned: RequestedTuning, each: Moves) -> Said:
     share = each.given.measured.input_peak / signals.input_span
     largest = _with_unit(each.size * 0.5 / share, signals.output_unit)
     text = (
-        f"{_stepped(tuned, each)} asks for up to {100 * share:.3g} % of the range of its valve. "
+        f"{_stepped(tuned, each)} asks for up to {_plain(100 * share)} % of the range of its valve. "
         f"From mid range steps up to {largest} stay within it"
     )
     if each.limited is None:
@@ -293,6 +293,11 @@ def _saturated(tuned: RequestedTuning, each: Moves) -> Said:
         return Said("saturation", "warning", text)
     text += f"; at its limits the loop settles in {number(time, 3)} {tuned.unit}. Ramp set points."
     return Said("saturation", "note", text)
+
+
+def _plain(value: float) -> str:
+    """Return a positive number with three digits, or all of those before the point."""
+    return f"{value:.0f}" if value >= 100 else f"{value:.3g}"  # noqa: PLR2004 - three digits
 
 
 def _stepped(tuned: RequestedTuning, each: Moves) -> str:

@@ -28,8 +28,8 @@ export function put(place, ...children) {
  * @param {string} caption @param {Child[]} head @param {Child[][]} rows
  */
 export function table(caption, head, rows) {
-  const cell = (/** @type {Child} */ content, column) =>
-    column || content === "" ? h("td", { class: String(content).length > LONG && "text" }, content) : h("th", { scope: "row" }, content);
+  const cell = (/** @type {Child} */ content, column) => (column || content === ""
+    ? h("td", { class: String(content).length > LONG && "text" }, content) : h("th", { scope: "row" }, content));
   return scroller(caption, "scroll",
     h("table", {},
       h("caption", {}, caption),

@@ -11,22 +11,36 @@ const PARAMETERS = {
 };
 
 /** @param {any} job */
-export function tradeOff({ id, request: asked }) {
+export function tradeOff({ id, request: asked, result }) {
   const figures = h("div", { class: "figures", "aria-live": "polite" });
   const choices = Object.entries(PARAMETERS).filter(([name, { group }]) => asked[group][name] != null);
   const buttons = choices.map(([name, { text }]) => button(text, async () => {
     for (const each of buttons) each.disabled = true;
     put(figures, h("p", { class: "busy" }, "Tuning at several values …"));
-    await showFigures(figures, sweep(asked, name), `mutune-${id.slice(0, 8)}`);
+    const made = sweep(asked, name, result);
+    await showFigures(figures, made.then(({ drawn }) => drawn), `mutune-${id.slice(0, 8)}`);
+    const ids = await made.then(({ jobs }) => jobs, () => []);
+    const plot = /** @type {any} */ (figures.querySelector(".plot"));
+    plot?.on?.("plotly_click", ({ points: [{ x }] }) => {
+      const job = ids.find(({ request: one }) => valueIn(one, name) === x);
+      if (job) location.hash = `#/tunings/${job.id}`;
+    });
     for (const each of buttons) each.disabled = false;
   }));
   return card("What the demand costs",
-    help("The same tuning with other demands: how much faster if less were asked, how much slower if more."),
+    help("The same tuning with other demands: how much faster if less were asked, how much slower if more. "
+      + "A point that is clicked opens its tuning."),
     h("div", { class: "buttons" }, buttons), figures);
 }
 
-/** @param {any} asked @param {string} parameter @returns {Promise<Figures>} */
-async function sweep(asked, parameter) {
+/** @param {any} asked @param {string} parameter */
+const valueIn = (asked, parameter) => asked[PARAMETERS[parameter].group][parameter];
+
+/**
+ * @param {any} asked @param {string} parameter @param {any} result what stands at the value asked for
+ * @returns {Promise<{drawn: Figures, jobs: any[]}>}
+ */
+async function sweep(asked, parameter, result) {
   const { group, values } = PARAMETERS[parameter];
   const { input } = operation("/v1/tunings");
   const tunings = values.map((factor) => Number((factor * asked[group][parameter]).toPrecision(3)))
@@ -39,5 +53,11 @@ async function sweep(asked, parameter) {
     value: tunings[index][group][parameter],
     tau_p: result?.tau_p ?? null, identical: result?.comparison?.identical_value ?? null,
   }));
-  return figuresOfAnswer("trade-offs", { parameter, points });
+  const drawn = await figuresOfAnswer("trade-offs", { parameter, points });
+  const { data } = Object.values(drawn.figures)[0];
+  data.push({ type: "scatter", mode: "markers+text", name: "you are here", x: [valueIn(asked, parameter)],
+    y: [result.tau_p], text: ["you are here"], textposition: "top center", showlegend: false, cliponaxis: false,
+    marker: { symbol: "star", size: 15, color: data[0].line.color } });
+  const { items } = await request("GET", `/v1/tunings?batch=${id}&limit=100`);
+  return { drawn, jobs: items };
 }

@@ -129,7 +129,8 @@ def test_what_a_demand_costs(watched: Watched, tuned: tuple[str, str]) -> None:
     figure = page.locator("[data-figure=trade_off]")
     expect(figure).to_contain_text("relative error")
     watched.wait_for_figures()
-    assert figure.locator(".scatterlayer .point").count() >= 7
+    assert figure.locator(".scatterlayer .point").count() >= 8
+    expect(figure.get_by_text("you are here")).to_be_visible()
     watched.inspect("trade-off")
 
 
@@ -248,6 +249,27 @@ def test_first_paint_does_not_wait_for_plotly(watched: Watched) -> None:
     watched.go("#/")
     assert not [url for url in watched.requests if "plotly" in url]
     assert sum(file.stat().st_size for file in STATIC.iterdir()) < 150_000
+
+
+JUMPS = """window.jumps = [];
+new PerformanceObserver((list) => {
+    const moved = list.getEntries().flatMap((entry) => entry.sources);
+    for (const { previousRect: before, currentRect: after } of moved) {
+        if (before.height && after.height && before.top < innerHeight) {
+            window.jumps.push(Math.abs(after.top - before.top));
+        }
+    }
+}).observe({ type: "layout-shift", buffered: true });"""
+
+
+def test_nothing_jumps(watched: Watched, tuned: tuple[str, str]) -> None:
+    """A result grows into room that was kept for it: nothing in view moves by more than 50 px."""
+    page = watched.page
+    page.add_init_script(JUMPS)
+    watched.go(f"#/tunings/{tuned[1]}")
+    expect(page.locator(".risks[aria-busy]")).to_have_count(0)
+    watched.wait_for_figures()
+    assert max(page.evaluate("window.jumps"), default=0) <= 50
 
 
 def test_page_stays_small() -> None:
