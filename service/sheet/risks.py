@@ -297,7 +297,7 @@ def _saturated(tuned: RequestedTuning, each: Moves) -> Said:
 
 def _plain(value: float) -> str:
     """Return a positive number with three digits, or all of those before the point."""
-    return f"{value:.0f}" if value >= 100 else f"{value:.3g}"  # noqa: PLR2004 - three digits
+    return f"{value:.0f}" if value >= 100 else f"{value:.3g}"
 
 
 def _stepped(tuned: RequestedTuning, each: Moves) -> str:
