@@ -282,8 +282,8 @@ def _saturated(tuned: RequestedTuning, each: Moves) -> Said:
     share = each.given.measured.input_peak / signals.input_span
     largest = _with_unit(each.size * 0.5 / share, signals.output_unit)
     text = (
-        f"{_stepped(tuned, each)} asks for up to {_plain(100 * share)} % of the range of its valve. "
-        f"From mid range steps up to {largest} stay within it"
+        f"{_stepped(tuned, each)} asks for up to {_plain(100 * share)} % of the range of its "
+        f"valve. From mid range steps up to {largest} stay within it"
     )
     if each.limited is None:
         return Said("saturation", "good", f"{text}.")
