@@ -22,6 +22,9 @@ export function handOver({ request: asked, result }) {
   const id = newId("f");
   const select = h("select", { id }, FORMS.map(([form, text]) => h("option", { value: form }, text)));
   const place = h("div", { "aria-live": "polite" });
+  const tagged = (asked.instruments ?? []).some(({ tag }) => tag);
+  // Room for the table and its notes, so that nothing below moves when they come.
+  place.style.minHeight = `${11 + 2.6 * (tagged ? result.loops.length : result.groups.length)}rem`;
   const said = h("span", { class: "help", role: "status" });
   let sheet = /** @type {string[][]} */ ([]);
   const unit = timeUnit() === "time units" ? null : timeUnit();
