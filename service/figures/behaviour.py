@@ -49,10 +49,9 @@ def _figure(tuned: RequestedTuning, title: str, moved: Sequence[Moves]) -> go.Fi
     )
     for index, each in enumerate(moved):
         name = loops_name(tuned, each.units)
-        time = each.given.time
         if each.band is not None:
             for row, (low, high) in ((1, each.band.output), (2, each.band.input)):
-                panels.add(_band(time, low, high, index, name), row=row)
+                panels.add(_band(each.band.time, low, high, index, name), row=row)
     for index, each in enumerate(moved):
         name = loops_name(tuned, each.units)
         for other, response in each.others.items():
@@ -88,8 +87,7 @@ def _band(
     time: _Samples, low: _Samples, high: _Samples, index: int, name: str
 ) -> dict[str, object]:
     """Return an area between two curves, of the colour of the loop's line."""
-    size = len(low)
-    there = numbers(time[:size])
+    there = numbers(time)
     colour = COLOURS[index % len(COLOURS)].lstrip("#")
     red, green, blue = (int(colour[at : at + 2], 16) for at in (0, 2, 4))
     return {

@@ -75,8 +75,9 @@ class Response:
 
 @dataclass(frozen=True, eq=False)
 class Band:
-    """Lowest and highest output and input over the plants that were tried."""
+    """Lowest and highest output and input over the plants that were tried, at times of its own."""
 
+    time: NDArray[np.float64]
     output: tuple[NDArray[np.float64], NDArray[np.float64]]
     input: tuple[NDArray[np.float64], NDArray[np.float64]]
 
@@ -283,7 +284,9 @@ def _band(runs: Sequence[Response]) -> Band | None:
     outputs = np.array([run.output[:length] for run in runs])
     inputs = np.array([run.input[:length] for run in runs])
     return Band(
-        (outputs.min(axis=0), outputs.max(axis=0)), (inputs.min(axis=0), inputs.max(axis=0))
+        runs[0].time[:length],
+        (outputs.min(axis=0), outputs.max(axis=0)),
+        (inputs.min(axis=0), inputs.max(axis=0)),
     )
 
 
