@@ -1,7 +1,7 @@
 """What a request would cost, said before anything is computed.
 
 Only what grows without a bound of the schema is estimated: most requests cannot cost much. The
-times are those of the machine that `bench/requests.py` was run on, so the limits of the service,
+times are those of the machine that `bench/dear_requests.py` was run on, so the limits of the service,
 which hold while it computes, remain behind them.
 """
 
@@ -24,8 +24,6 @@ _LIBRARIES = 300e6  # bytes of a process before it computes
 # the matrices of N_RP and their eigenvalues. 40 take 421 MB, 60 take 579 MB, 80 take 694 MB.
 _SECONDS = 1e-4
 _BYTES = 77e3
-_PROOF = 4e-3  # 20 loops that differ take half a minute more to prove; beyond, none is tried
-_PROVABLE = 20
 _BUSY = 1.5  # time on a machine that has something else to do as well
 
 
@@ -58,17 +56,15 @@ def different_loops(
     loops: tuple[Controller, ...],
     uncertainty: Uncertainty,
     performance: Performance,
-    *,
-    proof: bool = False,
 ) -> Effort:
-    """Return what mu of given loops costs, with a certificate where one is wanted."""
+    """Return what mu of given loops costs; a proof beside it has a limit of its own."""
     blocks, _ = group_loops(plant, loops, uncertainty, performance.output_scale)
-    return of_different_loops(blocks.n_controllers, proof=proof)
+    return of_different_loops(blocks.n_controllers)
 
 
-def of_different_loops(count: int, *, proof: bool = False) -> Effort:
+def of_different_loops(count: int) -> Effort:
     """Return what mu of so many different loops costs."""
-    cube = _BUSY * (_SECONDS + (_PROOF if proof and count <= _PROVABLE else 0.0))
+    cube = _BUSY * _SECONDS
 
     def reduce(seconds: float, memory: float) -> str:
         by_time = (seconds / cube) ** (1 / 3)

@@ -393,9 +393,7 @@ ANALYSIS = Analysis(
     compute=compute,
     computes_with=("solver.robustness.analysis", "solver.certificate.search"),
     table=table,
-    effort=lambda task: different_loops(
-        task.plant, task.loops, task.uncertainty, task.performance, proof=task.certificate
-    ),
+    effort=lambda task: different_loops(task.plant, task.loops, task.uncertainty, task.performance),
     fails=lambda result: not result.nominally_stable,
     figures=Figures(of="a robustness analysis", drawn=DrawnRobustness, draw=draw),
 )

@@ -1,0 +1,258 @@
+"""Jobs under kills of everything: none may be lost, and none may change.
+
+``python -m bench.chaos [--jobs 100] [--kills 12] [--seed 0]`` starts a PostgreSQL cluster of its
+own, a scheduler, two workers and two services, puts tunings in through both, and kills -9 one of
+them after another, the database too, each of which is started again. What comes out is compared,
+digit by digit, with what the tuner finds in this process. Ends with 1 where a job is lost or
+differs.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from contextlib import ExitStack, suppress
+from pathlib import Path
+from typing import Any
+
+import httpx
+import numpy as np
+
+from service.schemas import TuningRequest, tuning_to_json
+from solver.tuning.tuner import tune
+
+MUTUNE = str(Path(sys.executable).with_name("mutune"))
+PATIENCE = 600.0  # seconds without an end of any job after which they count as lost
+Json = dict[str, Any]
+
+
+def request(seed: int) -> Json:
+    """Return a tuning request that takes some tenths of a second."""
+    return {
+        "plant": {
+            "kind": "first_order",
+            "n": 2,
+            "gain": 1,
+            "time_constant": 100,
+            "interaction": 0.5 + 0.001 * seed,
+        },
+        "uncertainty": {"epsilon": 0.2, "theta": 1},
+        "controller": {"arrangement": "identical"},
+        "search": {"seed": seed},
+    }
+
+
+def without_times(result: Json) -> Json:
+    """Return what a result says but how long it took."""
+    search = {key: value for key, value in result["search"].items() if "seconds" not in key}
+    return {**result, "search": search}
+
+
+def free_port() -> int:
+    """Return a port that nobody listens on."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+class Part:
+    """A process of the installation, which can be killed and started again."""
+
+    def __init__(self, name: str, log: Path, *command: str, **environment: str) -> None:
+        self.name = name
+        self._log = log
+        self._command = command
+        self._environment = environment
+        self._process: subprocess.Popen[bytes] | None = None
+
+    def start(self) -> None:
+        """Start it."""
+        with self._log.open("ab") as log:
+            self._process = subprocess.Popen(
+                self._command,
+                stdout=log,
+                stderr=log,
+                env={**os.environ, **self._environment},
+                start_new_session=True,
+            )
+
+    def kill(self) -> None:
+        """Kill -9 of it and of whatever it has started."""
+        if self._process is not None:
+            with suppress(ProcessLookupError):
+                os.killpg(self._process.pid, signal.SIGKILL)
+            self._process.wait()
+
+
+class Database(Part):
+    """A PostgreSQL cluster, run by a user other than root."""
+
+    def __init__(self, folder: Path) -> None:
+        self.name = "database"
+        self._folder = folder
+        self._port = free_port()
+        self.url = f"postgresql+psycopg://mutune@127.0.0.1:{self._port}/postgres"
+        if os.geteuid() == 0:
+            shutil.chown(folder, "postgres")
+        self._run("initdb", "-U", "mutune", "-A", "trust", "--no-sync", "-E", "UTF8")
+
+    def _run(self, program: str, *options: str) -> None:
+        found = shutil.which(program) or next(
+            str(path) for path in Path("/usr/lib/postgresql").glob(f"*/bin/{program}")
+        )
+        other = ["runuser", "-u", "postgres", "--"] if os.geteuid() == 0 else []
+        data = str(self._folder / "data")
+        subprocess.run([*other, found, "-D", data, *options], check=True, stdout=subprocess.DEVNULL)
+
+    def start(self) -> None:
+        """Start it; after a kill it recovers from its log."""
+        options = f"-p {self._port} -k {self._folder} -c listen_addresses=127.0.0.1"
+        log = str(self._folder / "log")
+        self._run("pg_ctl", "-o", options, "-l", log, "-w", "start")
+
+    def kill(self) -> None:
+        """Kill -9 of the server; its children see to themselves."""
+        pid = int((self._folder / "data" / "postmaster.pid").read_text().split()[0])
+        os.kill(pid, signal.SIGKILL)
+        while Path(f"/proc/{pid}").exists():
+            time.sleep(0.05)
+        time.sleep(1.0)  # its children let go of the shared memory
+
+
+def until_up(url: str) -> None:
+    """Wait until a service takes work."""
+    while True:
+        with suppress(httpx.TransportError):
+            if httpx.get(f"{url}/readyz", timeout=5).status_code == 200:
+                return
+        time.sleep(0.2)
+
+
+def put_in(urls: list[str], jobs: int) -> dict[int, str]:
+    """Accept the jobs; a service that is down is asked again, under the same key."""
+    paths = {}
+    for seed in range(jobs):
+        attempt = 0
+        while seed not in paths:
+            url = urls[(seed + attempt) % len(urls)]
+            attempt += 1
+            with suppress(httpx.TransportError):
+                response = httpx.post(
+                    f"{url}/v1/tunings",
+                    json=request(seed),
+                    headers={"Idempotency-Key": f"chaos-{seed}"},
+                    timeout=20,
+                )
+                if response.status_code in {200, 202}:
+                    paths[seed] = response.headers["location"]
+                    continue
+            time.sleep(0.2)
+    return paths
+
+
+def ended(urls: list[str], path: str) -> Json | None:
+    """Return a job that has ended, from whichever service answers."""
+    for url in urls:
+        with suppress(httpx.TransportError):
+            response = httpx.get(f"{url}{path}", timeout=20)
+            if response.status_code == 200:
+                job: Json = response.json()
+                return job if job["finished_at"] is not None else None
+    return None
+
+
+def install(folder: Path, stack: ExitStack) -> tuple[list[Part], list[str]]:
+    """Start all parts; return them and the URLs of the services."""
+    folder.chmod(0o755)
+    (folder / "postgres").mkdir()
+    database = Database(folder / "postgres")
+    port, log = free_port(), folder / "log"
+    settings = {
+        "MUTUNE_DATABASE_URL": database.url,
+        "MUTUNE_SCHEDULER": f"tcp://127.0.0.1:{port}",
+    }
+    ports = [free_port(), free_port()]
+    parts = [
+        database,
+        Part("scheduler", log, MUTUNE, "scheduler", "--port", str(port)),
+        *(
+            Part(f"worker {n}", log, MUTUNE, "worker", MUTUNE_WORKERS="1", **settings)
+            for n in (1, 2)
+        ),
+        *(
+            Part(f"service {n}", log, MUTUNE, "serve", "--port", str(each), **settings)
+            for n, each in enumerate(ports, 1)
+        ),
+    ]
+    for part in parts:
+        stack.callback(part.kill)
+        part.start()
+    urls = [f"http://127.0.0.1:{each}" for each in ports]
+    for url in urls:
+        until_up(url)
+    return parts, urls
+
+
+def under_kills(
+    parts: list[Part], urls: list[str], paths: dict[int, str], kills: int, seed: int
+) -> dict[int, Json]:
+    """Return the jobs that have ended, while one part after another is killed."""
+    rng = np.random.default_rng(seed)
+    results: dict[int, Json] = {}
+    left = [parts[number % len(parts)] for number in rng.permutation(kills)]
+    last = time.monotonic()
+    while len(results) < len(paths) and time.monotonic() - last < PATIENCE:
+        before = len(results)
+        for number, path in paths.items():
+            if number not in results and (job := ended(urls, path)) is not None:
+                results[number] = job
+        if len(results) > before:
+            last = time.monotonic()
+        if left and len(results) >= len(paths) * (kills - len(left)) / (kills + 1):
+            part = left.pop()
+            print(f"{len(results)} have ended; {part.name} is killed", flush=True)
+            part.kill()
+            time.sleep(float(rng.uniform(0.0, 2.0)))
+            part.start()
+        time.sleep(0.2)
+    return results
+
+
+def main() -> None:
+    """Run it."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--jobs", type=int, default=100)
+    parser.add_argument("--kills", type=int, default=12)
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args()
+    with ExitStack() as stack:
+        folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="mutune-chaos-"))
+        parts, urls = install(Path(folder), stack)
+        paths = put_in(urls, options.jobs)
+        results = under_kills(parts, urls, paths, options.kills, options.seed)
+    wrong = []
+    for number, job in sorted(results.items()):
+        expected = json.loads(json.dumps(tuning_to_json(tune(_built(number)))))
+        found = job.get("result")
+        if found is None or without_times(found) != without_times(expected):
+            wrong.append(number)
+            print(f"{number}: {job['status']} {job.get('error')}")
+    lost = len(paths) - len(results)
+    print(f"{len(paths)} jobs: {lost} lost, {len(wrong)} changed or without result")
+    sys.exit(bool(lost or wrong))
+
+
+def _built(seed: int) -> Any:
+    return TuningRequest.model_validate(request(seed)).build()
+
+
+if __name__ == "__main__":
+    main()
