@@ -1,8 +1,8 @@
 """What a request would cost, said before anything is computed.
 
 Only what grows without a bound of the schema is estimated: most requests cannot cost much. The
-times are those of the machine that `bench/dear_requests.py` was run on, so the limits of the service,
-which hold while it computes, remain behind them.
+times are those of the machine that `bench/dear_requests.py` was run on, so the limits of the
+service, which hold while it computes, remain behind them.
 """
 
 from __future__ import annotations
