@@ -18,6 +18,7 @@ import socket
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from contextlib import ExitStack, suppress
 from pathlib import Path
@@ -35,7 +36,7 @@ Json = dict[str, Any]
 
 
 def request(seed: int) -> Json:
-    """Return a tuning request that takes some tenths of a second."""
+    """Return a tuning request that takes about a second."""
     return {
         "plant": {
             "kind": "first_order",
@@ -45,8 +46,8 @@ def request(seed: int) -> Json:
             "interaction": 0.5 + 0.001 * seed,
         },
         "uncertainty": {"epsilon": 0.2, "theta": 1},
-        "controller": {"arrangement": "identical"},
-        "search": {"seed": seed},
+        "controller": {"arrangement": "independent"},
+        "search": {"seed": seed, "starts": 4},
     }
 
 
@@ -201,27 +202,29 @@ def install(folder: Path, stack: ExitStack) -> tuple[list[Part], list[str]]:
     return parts, urls
 
 
-def under_kills(
-    parts: list[Part], urls: list[str], paths: dict[int, str], kills: int, seed: int
-) -> dict[int, Json]:
-    """Return the jobs that have ended, while one part after another is killed."""
+def kill_each(parts: list[Part], kills: int, seed: int, done: threading.Event) -> None:
+    """Kill one part after another, and start each again, until all kills are used or it is done."""
     rng = np.random.default_rng(seed)
+    for number in rng.permutation(kills):
+        if done.wait(float(rng.uniform(3.0, 10.0))):
+            return
+        part = parts[number % len(parts)]
+        sys.stdout.write(f"{part.name} is killed\n")
+        sys.stdout.flush()
+        part.kill()
+        done.wait(float(rng.uniform(0.0, 2.0)))
+        part.start()
+
+
+def gather(urls: list[str], paths: dict[int, str]) -> dict[int, Json]:
+    """Return the jobs that have ended, waiting for the others as long as any end."""
     results: dict[int, Json] = {}
-    left = [parts[number % len(parts)] for number in rng.permutation(kills)]
     last = time.monotonic()
     while len(results) < len(paths) and time.monotonic() - last < PATIENCE:
-        before = len(results)
         for number, path in paths.items():
             if number not in results and (job := ended(urls, path)) is not None:
                 results[number] = job
-        if len(results) > before:
-            last = time.monotonic()
-        if left and len(results) >= len(paths) * (kills - len(left)) / (kills + 1):
-            part = left.pop()
-            print(f"{len(results)} have ended; {part.name} is killed", flush=True)
-            part.kill()
-            time.sleep(float(rng.uniform(0.0, 2.0)))
-            part.start()
+                last = time.monotonic()
         time.sleep(0.2)
     return results
 
@@ -236,8 +239,15 @@ def main() -> None:
     with ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="mutune-chaos-"))
         parts, urls = install(Path(folder), stack)
+        done = threading.Event()
+        killing = threading.Thread(
+            target=kill_each, args=(parts, options.kills, options.seed, done)
+        )
+        killing.start()
         paths = put_in(urls, options.jobs)
-        results = under_kills(parts, urls, paths, options.kills, options.seed)
+        results = gather(urls, paths)
+        done.set()
+        killing.join()
     wrong = []
     for number, job in sorted(results.items()):
         expected = json.loads(json.dumps(tuning_to_json(tune(_built(number)))))

@@ -13,6 +13,7 @@ from solver.model.errors import InvalidInputError, UnsupportedPlantError
 __all__ = [
     "KINDS",
     "MEDIA_TYPE",
+    "AmbiguousError",
     "AnalysisMemoryError",
     "AnalysisTimeoutError",
     "BodyTooLargeError",
@@ -20,6 +21,7 @@ __all__ = [
     "ConflictError",
     "EffortError",
     "ForbiddenError",
+    "LargeHeadError",
     "MediaTypeError",
     "MethodError",
     "MisdirectedError",
@@ -126,6 +128,14 @@ class SlowBodyError(ProblemError):
     """The request body comes too slowly."""
 
 
+class LargeHeadError(ProblemError):
+    """Request line and headers exceed their limit."""
+
+
+class AmbiguousError(ProblemError):
+    """The request could be read in two ways."""
+
+
 class MisdirectedError(ProblemError):
     """The request is addressed to a name that is not this service's."""
 
@@ -203,6 +213,8 @@ KINDS: dict[type[Exception], Kind] = {
     BodyTooLargeError: Kind(413, "body-too-large", "The body is too large"),
     MediaTypeError: Kind(415, "media-type", "The body must be JSON"),
     SlowBodyError: Kind(408, "slow-body", "The body comes too slowly"),
+    LargeHeadError: Kind(431, "head-too-large", "The head is too large"),
+    AmbiguousError: Kind(400, "ambiguous", "The request could be read in two ways"),
     MisdirectedError: Kind(421, "misdirected", "The request is for another host"),
     UnauthorizedError: Kind(401, "unauthorized", "An API key is needed"),
     ForbiddenError: Kind(403, "forbidden", "The caller may not do this"),

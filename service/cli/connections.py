@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+from typing import ClassVar
 
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-__all__ = ["HEAD_BYTES", "PunctualProtocol"]
+__all__ = ["PunctualProtocol"]
 
-HEAD_BYTES = 32_768  # request line and headers together
 _TAKING_SECONDS = 30.0  # for a caller to take the 64 kB that wait for it
 _HEAD_SECONDS = 10.0  # from the beginning of a connection, or the end of an answer, to a request
 
@@ -20,12 +20,22 @@ class PunctualProtocol(H11Protocol):
     does not read it waits for ever, with what was to be sent.
     """
 
+    # Connections without a request, that which has waited longest first. Where there are too many
+    # connections it makes room: who holds thousands open keeps nobody out who has something to say.
+    _waiting: ClassVar[dict[PunctualProtocol, None]] = {}
+
     _timer: asyncio.TimerHandle | None = None
     _taking: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Begin to wait for a request."""
         super().connection_made(transport)
+        if self.limit_concurrency is not None and len(self.connections) >= self.limit_concurrency:
+            oldest = next(iter(self._waiting), None)
+            if oldest is not None:
+                oldest.transport.abort()
+                oldest.connections.discard(oldest)
+                oldest._stop()  # noqa: SLF001 - of this class
         self._look()
 
     def data_received(self, data: bytes) -> None:
@@ -60,13 +70,16 @@ class PunctualProtocol(H11Protocol):
             self._stop()
         elif self._timer is None:
             self._timer = self.loop.call_later(_HEAD_SECONDS, self._close)
+            self._waiting[self] = None
 
     def _stop(self) -> None:
+        self._waiting.pop(self, None)
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
 
     def _close(self) -> None:
         self._timer = None
+        self._waiting.pop(self, None)
         if self.cycle is None or self.cycle.response_complete:
             self.transport.close()

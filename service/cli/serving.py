@@ -16,10 +16,11 @@ import uvicorn
 from fastapi import FastAPI
 
 from service import logs
-from service.cli.connections import HEAD_BYTES, PunctualProtocol
+from service.cli.connections import PunctualProtocol
 from service.cli.outcomes import ExitCode, is_loopback, reported, say
 from service.configuration import Configuration
 from service.http.app import create_app
+from service.http.guards import HEAD_BYTES
 from service.keys import KeyFile
 
 __all__ = ["serve"]

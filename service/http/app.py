@@ -19,7 +19,7 @@ from service.configuration import Configuration
 from service.http import docs_page, errors
 from service.http.access import RateLimiter, authenticate
 from service.http.description import document
-from service.http.guards import Head, KnownHosts, SteadyBodies
+from service.http.guards import Head, KnownHosts, PlainHeads, SteadyBodies
 from service.http.metrics import RequestMetrics
 from service.http.middleware import Compressed, Observed, SecurityHeaders
 from service.http.notices import notify
@@ -149,6 +149,7 @@ def create_app(configuration: Configuration | None = None) -> FastAPI:
     app.add_middleware(Compressed)
     app.add_middleware(SteadyBodies)
     app.add_middleware(Head)
+    app.add_middleware(PlainHeads)
     # Who has no key is trusted for where they come from; with keys a name may be any.
     if app.state.keys is None or app.state.configuration.allowed_hosts:
         app.add_middleware(

@@ -20,17 +20,20 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service.problems import (
     MEDIA_TYPE,
+    AmbiguousError,
     ForbiddenError,
+    LargeHeadError,
     MisdirectedError,
     ProblemError,
     SlowBodyError,
     describe,
 )
 
-__all__ = ["Head", "KnownHosts", "SteadyBodies"]
+__all__ = ["HEAD_BYTES", "Head", "KnownHosts", "PlainHeads", "SteadyBodies"]
 
 _READING = frozenset({"GET", "HEAD", "OPTIONS"})
 
+HEAD_BYTES = 32_768  # request line and headers together
 _PATIENCE = 30.0  # seconds for a body, whatever its length
 _PACE = 10_000.0  # bytes in a second that a longer one has to come with
 
@@ -89,6 +92,33 @@ def _name(host: str) -> str:
     if host.startswith("["):  # IPv6
         return host[1:].partition("]")[0]
     return host.partition(":")[0]
+
+
+class PlainHeads:
+    """Refuse heads that are too large, or of which two readers would make two different things."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Serve one request, or refuse it."""
+        if scope["type"] == "http" and (refusal := _refused_head(scope)) is not None:
+            await _respond(refusal, scope, receive, send)
+            return
+        await self._app(scope, receive, send)
+
+
+def _refused_head(scope: Scope) -> ProblemError | None:
+    size = len(scope.get("raw_path") or b"") + len(scope.get("query_string", b""))
+    size += sum(len(name) + len(value) for name, value in scope["headers"])
+    if size > HEAD_BYTES:
+        message = f"Request line and headers have at most {HEAD_BYTES} bytes."
+        return LargeHeadError(message, {"Connection": "close"})
+    names = {name for name, _ in scope["headers"]}
+    if {b"content-length", b"transfer-encoding"} <= names:  # RFC 9112, 6.3: perhaps smuggled
+        message = "A body has a Content-Length or a Transfer-Encoding, not both."
+        return AmbiguousError(message, {"Connection": "close"})
+    return None
 
 
 class Head:

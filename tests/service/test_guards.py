@@ -18,6 +18,7 @@ from serving import served
 from service.configuration import Configuration
 from service.http import guards
 from service.http.app import create_app
+from service.schemas import parsing
 
 
 @pytest.mark.parametrize("host", ["evil.example", "127.0.0.1.evil.example", "", "evil.example:80"])
@@ -118,3 +119,45 @@ def test_caller_who_leaves_within_a_body_is_no_fault(
         until(lambda: any(line.get("status") == 499 for line in lines), "the line in the log")
     assert all(line["log_level"] != "error" for line in lines)
     assert client.get("/healthz").status_code == 200
+
+
+def _start(connection: socket.socket, *headers: bytes, body: bytes = b"") -> bytes:
+    head = b"POST /v1/robustness HTTP/1.1\r\nHost: localhost\r\n" + b"\r\n".join(headers)
+    connection.sendall(head + b"\r\n\r\n" + body)
+    return connection.recv(12)
+
+
+def test_head_that_is_too_large_is_refused(connection: socket.socket) -> None:
+    """Also where it came in one piece."""
+    assert _start(connection, b"X: " + b"a" * 40_000) == b"HTTP/1.1 431"
+
+
+def test_body_of_two_lengths_is_refused(connection: socket.socket) -> None:
+    """A proxy might believe one of them, and take the rest for another request."""
+    lengths = b"Content-Length: 5", b"Transfer-Encoding: chunked"
+    assert _start(connection, *lengths, body=b"0\r\n\r\n") == b"HTTP/1.1 400"
+
+
+def test_words_are_found_for_the_first_faults_alone(
+    client: httpx.Client, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Sixty thousand unknown fields are answered with twenty of them."""
+    found = []
+    names = parsing.field_names
+    monkeypatch.setattr(parsing, "field_names", lambda *given: found.append(1) or names(*given))
+    response = client.post("/v1/robustness", json={f"k{number}": 1 for number in range(60_000)})
+    assert response.status_code == 422
+    assert len(response.json()["errors"]) == 20
+    assert len(found) <= 60
+
+
+@pytest.mark.parametrize("media_type", ["application/json", "application/x-ndjson"])
+def test_text_nested_without_end_is_a_fault_of_the_request(
+    client: httpx.Client, media_type: str
+) -> None:
+    """In a batch too, whose faulty items are kept as they came."""
+    deep = "[" * 100_000 + "]" * 100_000
+    text = deep if media_type.endswith("ndjson") else f'{{"tunings": [{deep}]}}'
+    headers = {"Content-Type": media_type}
+    refused = client.post("/v1/batches", content=text, headers=headers)
+    assert refused.status_code == 400

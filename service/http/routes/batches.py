@@ -169,7 +169,7 @@ def _as_object(text: bytes) -> str:
     """Return a faulty request as a JSON object: as it came, where it is one."""
     try:
         value = json.loads(text)
-    except ValueError:
+    except (ValueError, RecursionError):
         value = text.decode(errors="replace")
     return json.dumps(value if isinstance(value, dict) else {"unreadable": value})
 

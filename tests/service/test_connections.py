@@ -1,0 +1,79 @@
+"""Connections of the command's server: those that say or take nothing give way."""
+
+from __future__ import annotations
+
+import socket
+import threading
+from collections.abc import Iterator
+from contextlib import ExitStack
+
+import pytest
+import uvicorn
+from real import until
+from starlette.responses import Response
+from starlette.types import Receive, Scope, Send
+
+from service.cli import connections
+from service.cli.connections import PunctualProtocol
+
+LONG = b"x" * 20_000_000
+GET = b"GET /%s HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n"
+MOST = 5
+
+
+async def app(scope: Scope, receive: Receive, send: Send) -> None:
+    """Answer briefly, or at length."""
+    content = LONG if scope["path"] == "/long" else b"brief"
+    await Response(content)(scope, receive, send)
+
+
+@pytest.fixture
+def address() -> Iterator[tuple[str, int]]:
+    """Return the address of a server that has room for a few connections."""
+    with socket.socket(proto=socket.IPPROTO_TCP) as listening:
+        listening.bind(("127.0.0.1", 0))
+        config = uvicorn.Config(
+            app, http=PunctualProtocol, limit_concurrency=MOST, log_config=None, lifespan="off"
+        )
+        server = uvicorn.Server(config)
+        thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]})
+        thread.start()
+        until(lambda: server.started, "the server")
+        yield listening.getsockname()
+        server.should_exit = True
+        thread.join()
+
+
+def test_whoever_says_nothing_keeps_nobody_out(address: tuple[str, int]) -> None:
+    """Connections without a request make room, that which has waited longest first."""
+    with ExitStack() as stack:
+        silent = [
+            stack.enter_context(socket.create_connection(address, timeout=20))
+            for _ in range(4 * MOST)
+        ]
+        for one in silent[::2]:
+            one.sendall(b"GET / HTTP/1.1\r\nHo")
+        for _ in range(3):
+            speaking = stack.enter_context(socket.create_connection(address, timeout=20))
+            speaking.sendall(GET % b"brief")
+            assert speaking.recv(1000).startswith(b"HTTP/1.1 200")
+        with pytest.raises(OSError, match="reset"):
+            silent[0].recv(1)
+        silent[-1].setblocking(False)
+        with pytest.raises(BlockingIOError):
+            silent[-1].recv(1)
+
+
+def test_whoever_takes_nothing_is_let_go(
+    address: tuple[str, int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With what was to be sent; whoever takes it gets it all."""
+    monkeypatch.setattr(connections, "_TAKING_SECONDS", 0.2)
+    with socket.create_connection(address, timeout=20) as idle:
+        idle.sendall(GET % b"long")
+        with socket.create_connection(address, timeout=20) as taking:
+            taking.sendall(GET % b"long")
+            got = sum(len(part) for part in iter(lambda: taking.recv(1_000_000), b""))
+        assert got > len(LONG)
+        taken = sum(len(part) for part in iter(lambda: idle.recv(1_000_000), b""))
+        assert taken < len(LONG)
