@@ -11,6 +11,7 @@ from pydantic import BaseModel, Field
 
 from service.http.access import authenticate
 from service.http.routes.common import described, json_response, problems
+from service.jobs import forking
 from service.jobs.transactions import StoreUnavailableError
 
 __all__ = ["router"]
@@ -32,6 +33,12 @@ class Readiness(BaseModel):
     refused_workers: list[str] = Field(
         description="Workers that get no work because they run another version of mutune.",
         examples=[[]],
+    )
+    starting: str | None = Field(
+        default=None,
+        description="What is done before there can be workers of this machine; the first start "
+        "compiles for a minute or two.",
+        examples=["compiling the kernels, which is done once: 12 functions so far", None],
     )
 
 
@@ -63,6 +70,7 @@ async def readyz(request: Request) -> Response:
         "database": database,
         "workers": state.engine.workers,
         "refused_workers": sorted(state.engine.refused),
+        "starting": None if state.engine.workers else forking.progress(),
     }
     ready = database and state.engine.workers > 0
     return json_response(json.dumps(document), 200 if ready else 503)
