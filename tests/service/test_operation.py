@@ -5,12 +5,15 @@ import resource
 import socket
 import sqlite3
 from contextlib import ExitStack, closing
+from datetime import UTC, datetime
 from pathlib import Path
 
 import httpx
 import pytest
 import structlog
 from fake_tune import SLOW
+from fastapi.testclient import TestClient
+from pydantic import ValidationError
 from real import until
 from samples import altered, tuning
 from serving import served
@@ -132,3 +135,16 @@ def test_a_thousand_followers_hear_the_end_and_hold_nobody_up(client: httpx.Clie
             heard = b""
             while b"event: done" not in heard:
                 heard = heard[-20:] + stream.recv(65536)
+
+
+def test_contact_for_vulnerabilities(client: httpx.Client) -> None:
+    """The administrator's, as RFC 9116 has it; without one there is no such file."""
+    path = "/.well-known/security.txt"
+    assert client.get(path).status_code == 404
+    configuration = Configuration(security_contact="mailto:security@plant.example")
+    other = TestClient(create_app(configuration), base_url="http://localhost")
+    fields = dict(line.split(": ", 1) for line in other.get(path).text.splitlines())
+    assert fields["Contact"] == "mailto:security@plant.example"
+    assert datetime.fromisoformat(fields["Expires"]) > datetime.now(UTC)
+    with pytest.raises(ValidationError, match="security_contact"):
+        Configuration(security_contact="nobody")
