@@ -105,11 +105,13 @@ if TYPE_CHECKING:
         Comparison,
         LocalOptimum,
         Progress,
+        ScenarioOutcome,
         SearchSummary,
         Status,
         Tuning,
     )
     from solver.tuning.resolution import Resolution
+    from solver.tuning.scenarios import Scenario
     from solver.tuning.specification import (
         Arrangement,
         Bounds,
@@ -118,6 +120,7 @@ if TYPE_CHECKING:
         Signs,
         Specification,
     )
+    from solver.tuning.spread import Spread, SpreadOutcome
     from solver.workbench.interchange import plant, to_control
     from solver.workbench.response import Response
     from solver.workbench.tuned import InfeasibleError, Tuned, load
@@ -216,6 +219,8 @@ __all__ = [
     "Response",
     "Robustness",
     "RobustnessLimits",
+    "Scenario",
+    "ScenarioOutcome",
     "SearchSummary",
     "ServiceClass",
     "ServiceError",
@@ -225,6 +230,8 @@ __all__ = [
     "SettingsTolerance",
     "Signs",
     "Specification",
+    "Spread",
+    "SpreadOutcome",
     "StateSpace",
     "Status",
     "Step",
@@ -348,7 +355,11 @@ _HOMES = {
         "AsFound PriceOfResolution SettingMove SettingRange SettingsTolerance"
     ),
     "solver.tuning.demands": "DemandOutcome Demands",
-    "solver.tuning.record": "Comparison LocalOptimum Progress SearchSummary Status Tuning",
+    "solver.tuning.scenarios": "Scenario",
+    "solver.tuning.spread": "Spread SpreadOutcome",
+    "solver.tuning.record": (
+        "Comparison LocalOptimum Progress ScenarioOutcome SearchSummary Status Tuning"
+    ),
     "solver.tuning.resolution": "Resolution",
     "solver.tuning.specification": (
         "Arrangement Bounds ControllerKind Objective Signs Specification"

@@ -45,6 +45,7 @@ def tuning_table(result: TuningResult, *, interrupted: bool = False) -> list[Par
         parts.append(peaks_grid(result.peaks))
     if result.comparison is not None:
         parts.append(Line(_bought(result, result.comparison)))
+    parts += _scenarios(result)
     if result.demands:
         rows = [
             (
@@ -94,6 +95,35 @@ def _ranges(result: TuningResult, near: SettingsTolerance) -> list[Part]:
     ]
     together = together_text(result)
     return parts if together is None else [*parts, Line(together)]
+
+
+def _scenarios(result: TuningResult) -> list[Part]:
+    """Return what the settings make of further plants."""
+    parts: list[Part] = [scenarios_grid(result)] if result.scenarios else []
+    if result.spread is not None:
+        errors = ", ".join(f"{name} {100 * error:+.3g} %" for name, error in result.spread.worst)
+        parts.append(
+            Line(f"Spread: worst of {result.spread.plants} plants beside the corners: {errors}.")
+        )
+    return parts
+
+
+def scenarios_grid(result: TuningResult) -> Grid:
+    """Return a row for each scenario, the one that decides marked."""
+    rows = [
+        (
+            each.name,
+            ", ".join(str(unit + 1) for unit in each.in_service),
+            str(each.sets),
+            number(each.tau_p),
+            number(each.peaks.robust_performance.value),
+            "proven" if each.guarantee.status == "proven" else "not proven",
+            "decides" if each.name == result.active else "",
+        )
+        for each in result.scenarios
+    ]
+    heads = ("scenario", "worst with units", "sets", "tau_p alone", "peak of mu", "", "")
+    return Grid(heads, rows, left=frozenset({0, 1, 5, 6}))
 
 
 def _bought(result: TuningResult, comparison: Comparison) -> str:

@@ -5,7 +5,7 @@ The forms of Skogestad, Lundstrom and Hovd (1989), figs. 4 to 7.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 import plotly.graph_objects as go
@@ -45,6 +45,7 @@ def mu(
     *,
     lower_bound: Peak | None = None,
     identical: Curves | None = None,
+    scenarios: Mapping[str, Curves] | None = None,
     unit: str = TIME_UNIT,
 ) -> go.Figure:
     """Return mu over frequency: three curves, their peaks, and the level that must be kept.
@@ -57,6 +58,8 @@ def mu(
         Lower bound of the robust performance peak.
     identical : Curves or None
         Those of the best identical settings at the same demand.
+    scenarios : mapping of str to Curves or None
+        Those of further plants under the same settings, by name.
     unit : str
         Name of the unit of time.
 
@@ -79,6 +82,11 @@ def mu(
         panels.curve(
             [mark.omega for mark in marks], [mark.value for mark in marks], name, style,
             mode="markers", marker={"color": style["color"], "symbol": symbol, "size": 8},
+        )  # fmt: skip
+    for index, (name, each) in enumerate((scenarios or {}).items()):
+        panels.curve(
+            each.omega, each.robust_performance, f"robust performance, {name}",
+            line(len(_CURVES) + index),
         )  # fmt: skip
     if identical is not None:
         panels.curve(
@@ -122,7 +130,10 @@ def tuned_mu(tuned: RequestedTuning) -> go.Figure:
         analysis = _analysis(tuned, tuned.identical)
         identical = DrawnCurves.of(analysis.curves(np.array(curves.omega)))
     lower_bound = _lower_bound(tuned, peaks.robust_performance.omega)
-    return mu(curves, peaks, lower_bound=lower_bound, identical=identical, unit=tuned.unit)
+    return mu(
+        curves, peaks, lower_bound=lower_bound, identical=identical,
+        scenarios={each.name: each.curves for each in tuned.result.scenarios[1:]}, unit=tuned.unit,
+    )  # fmt: skip
 
 
 def _lower_bound(tuned: RequestedTuning, omega: float | None) -> Peak | None:

@@ -96,6 +96,7 @@ def report_html(tuned: RequestedTuning, made_at: datetime, job: str | None = Non
         proven=guarantee_text(result.guarantee),
         optimality=optimality_text(result.optimality),
         certificate_link=_data_url(json.dumps(result.certificate)),
+        scenarios=_scenarios(tuned),
         margins=_margins(tuned.plant, tuned.loops, tuned.settings),
         as_found=_as_found(tuned),
         resolution=resolution_text(result),
@@ -179,6 +180,20 @@ def _alike(loops: Sequence[Controller]) -> list[tuple[Controller, list[int]]]:
     for unit, loop in enumerate(loops):
         found.setdefault(loop, []).append(unit)
     return list(found.items())
+
+
+def _scenarios(tuned: RequestedTuning) -> list[tuple[str, ...]]:
+    return [
+        (
+            each.name,
+            ", ".join(str(unit + 1) for unit in each.in_service),
+            str(each.sets),
+            number(each.tau_p),
+            number(each.peaks.robust_performance.value),
+            guarantee_text(each.guarantee) or "",
+        )
+        for each in tuned.result.scenarios
+    ]
 
 
 def _quoted(margins: Margins | None) -> tuple[str, ...]:

@@ -22,6 +22,13 @@ from service.schemas.fields import (
 from service.schemas.given_loops import default_scales
 from service.schemas.peaks import Curves, Guarantee, Peaks
 from service.schemas.plants import Plant
+from service.schemas.scenarios import (
+    MAX_SCENARIOS,
+    ScenarioOutcome,
+    Spread,
+    SpreadOutcome,
+    TuningScenario,
+)
 from service.schemas.settings_nearby import AsFound, PriceOfResolution, SettingsTolerance
 from service.schemas.weights import Performance, Uncertainty
 from solver.model.open_loop import require_supported
@@ -128,6 +135,18 @@ class TuningRequest(RecordedRequest):
         description="Hard constraints on the settings, beside robust performance.",
         examples=[{"max_load_error": 1.5}],
     )
+    scenarios: Annotated[list[TuningScenario], Field(max_length=MAX_SCENARIOS)] = Field(
+        default=[],
+        description="Further plants, and sets of loops in service, that the same settings must "
+        "serve.",
+        examples=[[]],
+    )
+    spread: Spread | None = Field(
+        default=None,
+        description="Box of parameters around the plant, and around those of the scenarios: the "
+        "settings must serve every plant in it.",
+        examples=[None],
+    )
     pairing: Pairing | Literal["best"] | None = Field(
         default=None,
         description="Input, from 0, of each output; best: those that may have integral action in "
@@ -179,6 +198,14 @@ class TuningRequest(RecordedRequest):
             bounds = self.controller.bounds.build()
         with below("/demands"):
             demands = self.demands.build()
+        scenarios = []
+        for index, scenario in enumerate(self.scenarios):
+            with below(f"/scenarios/{index}"):
+                scenarios.append(scenario.build(plant))
+        spread = None
+        if self.spread is not None:
+            with below("/spread"):
+                spread = self.spread.build()
         start = None
         if self.search.start is not None:
             start = given_loops(self.search.start, "/search/start")
@@ -203,6 +230,8 @@ class TuningRequest(RecordedRequest):
             bounds=bounds,
             signs=Signs(self.controller.signs),
             demands=demands,
+            scenarios=tuple(scenarios),
+            spread=spread,
             start=start,
             resolution=resolution,
             as_found=as_found,
@@ -315,7 +344,8 @@ class TuningResult(IdentifiedResult, ResultModel):
     )
     demand_met: bool | None = Field(
         default=None,
-        description="Whether the peak of robust performance is at most 1, at this tau_p.",
+        description="Whether the peak of robust performance is at most 1 at this tau_p, in every "
+        "scenario.",
         examples=[True],
     )
     objective: Literal["tau_p", "mu"] = Field(
@@ -367,6 +397,22 @@ class TuningResult(IdentifiedResult, ResultModel):
         default=[],
         description="What the settings make of each demand.",
         examples=[[]],
+    )
+    scenarios: list[ScenarioOutcome] = Field(
+        default=[],
+        description="What the settings make of each scenario, the request's own plant first; empty "
+        "where there are none.",
+        examples=[[]],
+    )
+    active: str | None = Field(
+        default=None,
+        description="Name of the scenario that decides the result.",
+        examples=["any two of four"],
+    )
+    spread: SpreadOutcome | None = Field(
+        default=None,
+        description="How densely the spread was searched, and its worst plant.",
+        examples=[None],
     )
     comparison: Comparison | None = Field(
         description="What asymmetry buys, for the arrangement best.", examples=[None]

@@ -56,7 +56,16 @@ function headline({ result, request: { performance } }) {
     h("p", {}, h("strong", { class: "big" }, number(value)), " ", unit),
     h("p", {}, what, " for every plant within the uncertainty."),
     result.comparison && gain(result), result.optimality && limit(result.optimality),
-    guaranteed(result.guarantee), result.integrity && help(sentence(result.integrity)));
+    guaranteed(result.guarantee), scenarios(result), result.integrity && help(sentence(result.integrity)));
+}
+
+/** What each scenario makes of the settings. @param {any} result */
+function scenarios({ scenarios: found, active }) {
+  if (!found?.length) return null;
+  return h("ul", {}, found.map(({ name, in_service: units, sets, tau_p: own, peaks }) => h("li", {},
+    h("strong", {}, name), name === active ? " decides" : "", `: μ ${number(peaks.robust_performance.value)}`,
+    own ? `, alone ${number(own)} ${timeUnit()}` : "",
+    sets > 1 ? `, worst of ${sets} sets: units ${units.map((unit) => unit + 1).join(", ")}` : "")));
 }
 
 /** @param {any} guarantee */

@@ -20,7 +20,7 @@ their inputs as groups.
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -213,6 +213,14 @@ class LoopBlocks:
         for block, response, row in zip(self.blocks, responses, first, strict=False):
             G[:, row : row + block.size, : block.size] = response
         return G
+
+    def renumbered(self, controllers: Sequence[int]) -> LoopBlocks:
+        """Return the same, controller j being number `controllers[j]` of a longer list."""
+        blocks = (
+            replace(block, channels=tuple(controllers[c] for c in block.channels))
+            for block in self.blocks
+        )
+        return replace(self, blocks=tuple(blocks))
 
     def expand(self, controllers: Sequence[Controller]) -> tuple[Controller, ...]:
         """One controller a unit from one a group."""

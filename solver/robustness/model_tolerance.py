@@ -17,8 +17,15 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from solver.model.blocks import group_loops
+from solver.model.deviations import (
+    change_dead_time,
+    change_gain,
+    change_time_constant,
+    coupled,
+    depends_on,
+)
 from solver.model.plants import MatrixPlant, ParallelPlant
-from solver.model.transfer_function import LARGEST, TransferFunction
+from solver.model.transfer_function import TransferFunction
 from solver.mu.structure import sigma_max
 
 if TYPE_CHECKING:
@@ -191,24 +198,24 @@ def _parameters(
     plant: Plant,
 ) -> Iterator[tuple[str, tuple[int, int] | None, Callable[[float], Plant]]]:
     """Yield each parameter, and the plant with that parameter times a factor."""
-    changes = (("gain", _gain), ("time_constant", _time_constant), ("dead_time", _dead_time))
+    changes = (
+        ("gain", change_gain),
+        ("time_constant", change_time_constant),
+        ("dead_time", change_dead_time),
+    )
     alone = 0
     if not plant.interchangeable:
         alone = 3 if plant.n <= MAX_FULLY else int(plant.n <= MAX_BY_GAIN)
         units = range(plant.n)
         for place in itertools.product(units, units):
             for name, change in changes[:alone]:
-                if _has(name, plant.element(*place)):
+                if depends_on(name, plant.element(*place)):
                     yield name, place, partial(_replaced, plant, place, change)
     for name, change in changes[alone:]:
-        if any(_has(name, element) for element in plant.elements):
+        if any(depends_on(name, element) for element in plant.elements):
             yield name, None, partial(_mapped, plant, change)
     if isinstance(plant, ParallelPlant) and plant.n > 1 and not plant.interaction.is_zero:
-        yield "interaction", None, partial(_coupled, plant)
-
-
-def _coupled(plant: ParallelPlant, factor: float) -> ParallelPlant:
-    return ParallelPlant(plant.n, plant.process, _gain(plant.interaction, factor))
+        yield "interaction", None, partial(coupled, plant)
 
 
 def _mapped(plant: Plant, change: _Change, factor: float) -> Plant:
@@ -220,34 +227,3 @@ def _replaced(plant: Plant, place: tuple[int, int], change: _Change, factor: flo
     row, column = place
     rows[row][column] = change(rows[row][column], factor)
     return MatrixPlant(rows)
-
-
-def _has(name: str, element: TransferFunction) -> bool:
-    if element.is_zero:
-        return False
-    if name == "time_constant":
-        return len(element.den) > 1
-    return name == "gain" or element.dead_time > 0
-
-
-def _gain(element: TransferFunction, factor: float) -> TransferFunction:
-    if factor == 0 or element.is_zero:
-        return TransferFunction((0.0,), (1.0,))
-    return _within([c * factor for c in element.num], list(element.den), element.dead_time)
-
-
-def _time_constant(element: TransferFunction, factor: float) -> TransferFunction:
-    """Return the element with factor s for s in its rational part."""
-    num = [c * factor**power for power, c in enumerate(reversed(element.num))][::-1]
-    den = [c * factor**power for power, c in enumerate(reversed(element.den))][::-1]
-    return _within(num, den, element.dead_time)
-
-
-def _dead_time(element: TransferFunction, factor: float) -> TransferFunction:
-    return TransferFunction(element.num, element.den, min(element.dead_time * factor, LARGEST))
-
-
-def _within(num: list[float], den: list[float], dead_time: float) -> TransferFunction:
-    """Return num/den, both divided where a coefficient would be too large."""
-    size = max(1.0, max(abs(c) for c in num + den) / LARGEST)
-    return TransferFunction([c / size for c in num], [c / size for c in den], dead_time)

@@ -36,13 +36,13 @@ NEAR = 5e-3  # relative distance from its limit at which a demand binds
 
 
 def outcomes(
-    demands: Demands, plant: Plant, loops: Sequence[Controller]
+    demands: Demands, plants: Sequence[Plant], loops: Sequence[Controller]
 ) -> tuple[DemandOutcome, ...]:
-    """Return what given loops make of the demands, every value computed from the loops."""
+    """Return what given loops make of the demands on all `plants`, every value computed anew."""
     values = {
         "max_controller_gain": lambda: max(_noise_gain(loop) for loop in loops),
         "max_load_error": lambda: max(_load_error(loop) for loop in loops),
-        "max_sensitivity_alone": lambda: _sensitivity_alone(plant, loops),
+        "max_sensitivity_alone": lambda: max(_sensitivity_alone(plant, loops) for plant in plants),
     }
     found = []
     for name in demands.names:

@@ -15,13 +15,14 @@ import numpy as np
 from solver.model.frequencies import corners, grid, low_end, resonances
 from solver.model.peaks import local_peaks
 from solver.mu.kernel import FINE
-from solver.tuning.objective import BESIDE, Evaluation, LoopObjective
+from solver.tuning.objective import BESIDE, Evaluation
 from solver.tuning.phases import EXACT, Phases
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from solver.tuning.specification import Specification
+    from solver.tuning.objective import LoopObjective
+    from solver.tuning.together import Together
 
 __all__ = ["WEAKEST", "Candidate", "ExactDescent"]
 
@@ -30,6 +31,7 @@ SETTLED = 1e-8  # excess of the demand anywhere on the axis at which the last de
 TRIFLE = 1e-5  # of s, for which no other optimum is made exact
 NEARLY_ACTIVE = 0.05  # excess of the demand from which a peak is followed
 WEAKEST = 1e-12  # gain of a direction over that of the strongest one
+FAR_FROM_ACTIVE = 1.0  # excess below which no peak of a loop is followed
 FIRST_ZOOMS = 2  # rounds of zooming before a peak is followed
 ROUNDS = 10
 
@@ -38,13 +40,13 @@ ROUNDS = 10
 class Candidate:
     """Settings with their exact value: s right between the grid points too.
 
-    `peaks` are the frequencies where it is attained, `excess` is the most by which they miss the
-    level that the estimate of s demanded.
+    `peaks` are the frequencies where it is attained, loop by loop, `excess` is the most by which
+    they miss the level that the estimate of s demanded.
     """
 
     theta: NDArray[np.float64]
     value: float
-    peaks: NDArray[np.float64]
+    peaks: tuple[NDArray[np.float64], ...]
     excess: float
 
 
@@ -54,17 +56,14 @@ class ExactDescent:
 
     Parameters
     ----------
-    specification : Specification
-        The task.
-    objective : LoopObjective
-        What is made small, on the grid of the search.
+    objective : Together
+        What is made small, on the grids of the search.
     phases : Phases
         How to descend.
 
     """
 
-    specification: Specification
-    objective: LoopObjective
+    objective: Together
     phases: Phases
 
     def descend(self, theta: NDArray[np.float64], beaten: float = math.inf) -> Candidate | None:
@@ -73,12 +72,14 @@ class ExactDescent:
         None where no settings near `theta` meet the demand between the grid's points too. Ends
         early where the value does not fall below `beaten` by a trifle.
         """
-        omega = self.objective.omega
-        peaks = self._peaks_between(self.objective.evaluate(theta))
+        parts = self.objective.parts
+        omega = [part.omega for part in parts]
+        seen = self.objective.evaluate(theta).parts
+        peaks = [self._peaks_between(*both) for both in zip(parts, seen, strict=True)]
         best: Candidate | None = None
         candidate: Candidate | None = None
         for _ in range(ROUNDS):
-            objective = replace(self.objective, omega=omega, nu=FINE, followed=peaks)
+            objective = self.objective.having(nu=FINE).at(omega, peaks)
             here = objective.evaluate(theta)
             if not math.isfinite(here.value) and objective.goal.skewed:
                 here = self._restored(objective, theta)
@@ -97,23 +98,35 @@ class ExactDescent:
                 break
             # Some peak was not followed, or is a kink, which no parabola meets: follow it from now
             # on, and hold it at its place too.
-            missed = self._missed(here, omega, candidate.peaks)
-            far = np.abs(np.log(missed[:, None] / here.peaks)) > BESIDE
-            peaks = np.append(here.peaks, missed[far.all(axis=1)])
-            theta, omega = here.theta, np.union1d(omega, candidate.peaks)
+            for index, (part, own) in enumerate(zip(parts, here.parts, strict=True)):
+                missed = self._missed(part, own, omega[index], candidate.peaks[index])
+                far = np.abs(np.log(missed[:, None] / own.peaks)) > BESIDE
+                peaks[index] = np.append(own.peaks, missed[far.all(axis=1)])
+                omega[index] = np.union1d(omega[index], candidate.peaks[index])
+            theta = here.theta
         return best if best is not None and math.isfinite(best.value) else None
 
-    def _peaks_between(self, here: Evaluation) -> NDArray[np.float64]:
-        """Return the peaks of the demand's excess between the points of the grid."""
-        omega = self.objective.omega
+    def _peaks_between(self, part: LoopObjective, here: Evaluation) -> NDArray[np.float64]:
+        """Return the peaks of the demand's excess between the points of a loop's grid.
+
+        None where the loop is far from its demand.
+        """
+        omega = part.omega
+        shown = (here.demand - here.level)[: omega.size]
+        if shown.max() < -FAR_FROM_ACTIVE:
+            return np.empty(0)
         peaks, _ = local_peaks(
-            lambda points: self._excess(here, points), omega,
-            (here.demand - here.level)[: omega.size], within=NEARLY_ACTIVE, rounds=FIRST_ZOOMS,
+            lambda points: self._excess(part, here, points), omega, shown,
+            within=NEARLY_ACTIVE, rounds=FIRST_ZOOMS,
         )  # fmt: skip
-        return self._missed(here, omega, peaks)
+        return self._missed(part, here, omega, peaks)
 
     def _missed(
-        self, here: Evaluation, omega: NDArray[np.float64], peaks: NDArray[np.float64]
+        self,
+        part: LoopObjective,
+        here: Evaluation,
+        omega: NDArray[np.float64],
+        peaks: NDArray[np.float64],
     ) -> NDArray[np.float64]:
         """Those of the peaks that the fixed frequencies `omega` of an evaluation do not show.
 
@@ -122,51 +135,70 @@ class ExactDescent:
         shown = (here.demand - here.level)[: omega.size]
         right = np.clip(np.searchsorted(omega, peaks), 1, omega.size - 1)
         highest = np.maximum(shown[right - 1], shown[right])
-        return peaks[self._excess(here, peaks) > highest + SETTLED]
+        return peaks[self._excess(part, here, peaks) > highest + SETTLED]
 
-    def _excess(self, here: Evaluation, omega: NDArray[np.float64]) -> NDArray[np.float64]:
+    @staticmethod
+    def _excess(
+        part: LoopObjective, here: Evaluation, omega: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
         """Demand less level at any frequencies, (k,), for the settings and s of an evaluation."""
-        return self.objective.goal.demand(here.s, omega)[0] - self.objective.levels(
-            here.theta, omega
-        )
+        return part.goal.demand(here.s, omega)[0] - part.levels(here.theta, omega)
 
     def measure(self, theta: NDArray[np.float64], s: float) -> Candidate:
         """Return the exact value of given parameters near `s`, by refining every peak."""
-        bends = corners(
-            self.specification.plant,
-            self.specification.uncertainty,
-            self.objective.controllers(theta),
-        )
-        low = low_end(
-            lambda points: np.exp(self.attained(theta, points)),
-            min(1e-4 * bends[0], self.objective.omega[0]),
-            WEAKEST * bends[0],
-        )
-        high = max(1e2 * bends[-1], self.objective.omega[-1])
-        extra = [resonances(self.specification.plant), bends, self.objective.omega]
-        omega = grid(low, high, POINTS_PER_DECADE, extra)
+        axes = [_axis(part, theta) for part in self.objective.parts]
         missed = []
         for _ in range(2):  # the peaks of the demand's excess move little with s
+            found, worst, values = [], -math.inf, []
+            for part, omega in zip(self.objective.parts, axes, strict=True):
 
-            def excess(points: NDArray[np.float64], at: float = s) -> NDArray[np.float64]:
-                demand = self.objective.goal.demand(at, points)[0]
-                return demand - self.objective.levels(theta, points)
+                def excess(
+                    points: NDArray[np.float64], part: LoopObjective = part, at: float = s
+                ) -> NDArray[np.float64]:
+                    return part.goal.demand(at, points)[0] - part.levels(theta, points)
 
-            peaks, missing = local_peaks(excess, omega, excess(omega))
-            missed.append(float(missing.max()))
-            s = float(self.attained(theta, peaks).max())
+                peaks, missing = local_peaks(excess, omega, excess(omega))
+                found.append(peaks)
+                worst = max(worst, float(missing.max()))
+                values.append(float(_attained(part, theta, peaks).max()))
+            missed.append(worst)
+            s = max(values)
             if not math.isfinite(s):
                 break
-        return Candidate(theta, s, peaks, missed[0])
+        return Candidate(theta, s, tuple(found), missed[0])
 
     def attained(
-        self, theta: NDArray[np.float64], omega: NDArray[np.float64]
+        self, theta: NDArray[np.float64], omega: NDArray[np.float64], part: int = 0
     ) -> NDArray[np.float64]:
-        """Least s that each frequency (k,) permits, (k,), as exact as the kernel gives it."""
-        return self.objective.goal.attained(self.objective.levels(theta, omega), omega)
+        """Least s that each frequency (k,) permits one of the loops, (k,).
 
-    def _restored(self, objective: LoopObjective, theta: NDArray[np.float64]) -> Evaluation:
+        As exact as the kernel gives it.
+        """
+        return _attained(self.objective.parts[part], theta, omega)
+
+    def _restored(self, objective: Together, theta: NDArray[np.float64]) -> Evaluation:
         """Return a neighbour for which some tau_P exists at the frequencies of `objective`."""
-        feasibility = replace(objective, goal=self.phases.feasibility.goal)
+        feasibility = objective.having(goal=self.phases.feasibility.goal)
         phases = replace(self.phases, feasibility=feasibility)
         return objective.evaluate(phases.feasible(feasibility.evaluate(theta)).theta)
+
+
+def _axis(part: LoopObjective, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a fine grid over all of a loop's frequencies."""
+    plant = part.blocks.plant
+    controllers = part.controllers(theta)
+    used = {channel for block in part.blocks.blocks for channel in block.channels}
+    bends = corners(plant, part.uncertainty, [controllers[channel] for channel in sorted(used)])
+    low = low_end(
+        lambda points: np.exp(_attained(part, theta, points)),
+        min(1e-4 * bends[0], part.omega[0]),
+        WEAKEST * bends[0],
+    )
+    high = max(1e2 * bends[-1], part.omega[-1])
+    return grid(low, high, POINTS_PER_DECADE, [resonances(plant), bends, part.omega])
+
+
+def _attained(
+    part: LoopObjective, theta: NDArray[np.float64], omega: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    return part.goal.attained(part.levels(theta, omega), omega)

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from solver.tuning.objective import Evaluation, LoopObjective
+    from solver.tuning.together import Together
 
 __all__ = ["Box", "minimise"]
 
@@ -76,7 +77,7 @@ class Box:
 
 
 def minimise(
-    objective: LoopObjective,
+    objective: LoopObjective | Together,
     start: Evaluation,
     box: Box,
     *,
@@ -89,7 +90,7 @@ def minimise(
 
     Parameters
     ----------
-    objective : LoopObjective
+    objective : LoopObjective or Together
         The levels and their gradients.
     start : Evaluation
         A point with a finite merit.
@@ -160,7 +161,7 @@ class _Step:
 class _Model:
     """The linearised problem; the bundle's planes stand beside those of the present point."""
 
-    objective: LoopObjective
+    objective: LoopObjective | Together
     box: Box
     B: NDArray[np.float64]
     radius: float

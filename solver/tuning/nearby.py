@@ -94,9 +94,10 @@ def tolerance(
 
 def fine_objective(search: GroupingSearch) -> LoopObjective:
     """Return the objective of a search on a grid that sees what lies between its points."""
-    coarse = search.objective.omega
+    part = search.objective.parts[0]
+    coarse = part.omega
     omega = grid(coarse[0], coarse[-1], POINTS_PER_DECADE, [coarse])
-    return replace(search.objective, omega=omega, nu=NU, followed=np.empty(0))
+    return replace(part, omega=omega, nu=NU, followed=np.empty(0))
 
 
 def _signs(objective: LoopObjective) -> list[tuple[int, float]]:

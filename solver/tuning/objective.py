@@ -13,7 +13,7 @@ same form with mu^2 in the place of tau_P. Both are written: the least s with
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -66,6 +66,8 @@ class Evaluation:
         The D-scales, a start for a neighbour's evaluation.
     peaks : (p,)
         Where the followed peaks are: the last p frequencies.
+    parts : tuple of Evaluation
+        Of several loops under the same settings: that of each, at the s of all.
 
     """
 
@@ -79,6 +81,7 @@ class Evaluation:
     demand_slope: NDArray[np.float64]
     y: NDArray[np.float64]
     peaks: NDArray[np.float64]
+    parts: tuple[Evaluation, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -227,6 +230,14 @@ class LoopObjective:
         if not stable:
             value = merit = math.inf
         return Evaluation(theta, value, s, merit, level, gradient, demand, slope, y, peaks)
+
+    def with_s(self, here: Evaluation, s: float) -> Evaluation:
+        """Return an evaluation with the demands of another s; its merit stays."""
+        demand, slope = here.demand.copy(), here.demand_slope.copy()
+        fixed, moving = slice(self.omega.size), slice(here.level.size - here.peaks.size, None)
+        demand[fixed], slope[fixed] = self.goal.demand(s, self.omega)
+        demand[moving], slope[moving] = self.goal.demand(s, here.peaks)
+        return replace(here, s=s, demand=demand, demand_slope=slope)
 
     def levels(self, theta: NDArray[np.float64], omega: NDArray[np.float64]) -> NDArray[np.float64]:
         """Level at `theta` of any frequencies `omega` (k,), (k,), as exact as the kernel gives it.

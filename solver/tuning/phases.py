@@ -8,7 +8,7 @@ the first phase found feasible are never given up for others that are not.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from solver.mu.kernel import FINE
@@ -17,7 +17,8 @@ from solver.tuning.minimax import Box, minimise
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from solver.tuning.objective import Evaluation, LoopObjective
+    from solver.tuning.objective import Evaluation
+    from solver.tuning.together import Together
 
 __all__ = ["EXACT", "Phases"]
 
@@ -36,7 +37,7 @@ class Phases:
 
     Parameters
     ----------
-    feasibility : LoopObjective
+    feasibility : Together
         mu of an infinitely slow demand: below 1 some tau_P exists.
     box : Box
         Bounds of the parameters.
@@ -45,7 +46,7 @@ class Phases:
 
     """
 
-    feasibility: LoopObjective
+    feasibility: Together
     box: Box
     checkpoint: Callable[[float], None]
 
@@ -54,7 +55,7 @@ class Phases:
         for objective, tolerance in (
             (self.feasibility, FIRST_PHASE),
             # At the edge the little that there is counts.
-            (replace(self.feasibility, nu=FINE), EXACT),
+            (self.feasibility.having(nu=FINE), EXACT),
         ):
             here = minimise(
                 objective, objective.evaluate(here.theta, near=here), self.box,
@@ -68,7 +69,7 @@ class Phases:
 
     def best(
         self,
-        objective: LoopObjective,
+        objective: Together,
         here: Evaluation,
         tolerance: float,
         enough: Callable[[Evaluation], bool] = lambda _: False,
@@ -88,6 +89,6 @@ class Phases:
                 return here
             if objective.penalty > HIGHEST_PRICE:
                 break
-            objective = replace(objective, penalty=DEARER * objective.penalty)
+            objective = objective.having(penalty=DEARER * objective.penalty)
             here = objective.evaluate(here.theta, near=here)
         return start if start.value < here.value else here

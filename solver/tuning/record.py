@@ -13,8 +13,17 @@ if TYPE_CHECKING:
     from solver.robustness.record import Curves, Guarantee, Peaks
     from solver.tuning.beside import AsFound, PriceOfResolution, SettingsTolerance
     from solver.tuning.demands import DemandOutcome
+    from solver.tuning.spread import SpreadOutcome
 
-__all__ = ["Comparison", "LocalOptimum", "Progress", "SearchSummary", "Status", "Tuning"]
+__all__ = [
+    "Comparison",
+    "LocalOptimum",
+    "Progress",
+    "ScenarioOutcome",
+    "SearchSummary",
+    "Status",
+    "Tuning",
+]
 
 
 ROUNDING = 1e-7  # of a peak of mu that is 1 at the optimum
@@ -91,6 +100,41 @@ class Progress:
 
 
 @dataclass(frozen=True)
+class ScenarioOutcome:
+    """What the settings make of one scenario.
+
+    Attributes
+    ----------
+    name : str
+        Of the scenario; the plant of the task itself is there too.
+    in_service : tuple of int
+        Units in service, of the worst set where there are several.
+    sets : int
+        Different sets of loops in service, those that symmetry makes equal counted once.
+    tau_p : float or None
+        Least time constant that the settings permit here alone; None where it was given.
+    peaks : Peaks
+        Of the worst set, at the time constant of the result.
+    curves : Curves
+        Of the worst set.
+    guarantee : Guarantee
+        Of all its sets.
+    certificates : tuple of Certificate
+        One a set, where they were asked for and found.
+
+    """
+
+    name: str
+    in_service: tuple[int, ...]
+    sets: int
+    tau_p: float | None
+    peaks: Peaks
+    curves: Curves
+    guarantee: Guarantee
+    certificates: tuple[Certificate, ...] = ()
+
+
+@dataclass(frozen=True)
 class Tuning:
     """Outcome of a tuning.
 
@@ -99,7 +143,9 @@ class Tuning:
     settings beside unlike ones, `warnings` of what to look at twice; `certificate` is there
     where it was asked for and found. `tau_p` (time units) and the peaks belong to `loops`, one
     a unit, `groups` lists the units that share settings; `demands` what they make of
-    each further demand; `guarantee` tells what is proven of the peak for all frequencies;
+    each further demand; `guarantee` tells what is proven of the peak for all frequencies, and in
+    all `scenarios`, of which `active` names the one that decides; `spread` how densely a spread
+    was searched;
     `integrity` says in one line what happens with loops in manual; `optimality` how far tau_p is
     from the least possible one; `resolution` what it costs that the settings are numbers which the
     controllers accept, `settings_tolerance` how far they may be moved, `as_found` what today's
@@ -120,6 +166,9 @@ class Tuning:
     curves: Curves | None
     guarantee: Guarantee | None = None
     demands: tuple[DemandOutcome, ...] = ()
+    scenarios: tuple[ScenarioOutcome, ...] = ()
+    active: str | None = None
+    spread: SpreadOutcome | None = None
     comparison: Comparison | None = None
     certificate: Certificate | None = None
     optimality: Optimality | None = None
@@ -135,5 +184,8 @@ class Tuning:
 
     @property
     def demand_met(self) -> bool:
-        """Whether the peak of robust performance is at most 1, rounding apart."""
-        return self.peaks is not None and self.peaks.robust_performance.value <= 1 + ROUNDING
+        """Whether the peak of robust performance is at most 1 in each scenario, rounding apart."""
+        if self.peaks is None:
+            return False
+        every = (self.peaks, *(each.peaks for each in self.scenarios))
+        return all(each.robust_performance.value <= 1 + ROUNDING for each in every)

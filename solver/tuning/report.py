@@ -17,8 +17,16 @@ from solver.tuning.endless import remarks
 from solver.tuning.nearby import tolerance
 from solver.tuning.output_units import output_units_warning
 from solver.tuning.plain_advice import plain_advice
-from solver.tuning.record import Comparison, LocalOptimum, SearchSummary, Status, Tuning
+from solver.tuning.record import (
+    Comparison,
+    LocalOptimum,
+    ScenarioOutcome,
+    SearchSummary,
+    Status,
+    Tuning,
+)
 from solver.tuning.rounded import rounded, too_coarse
+from solver.tuning.scenario_outcomes import binding, overall, scenario_outcomes
 from solver.tuning.settle import Settled, settled
 
 if TYPE_CHECKING:
@@ -79,7 +87,7 @@ def report(
         if found is None:
             return infeasible(specification, search.groups, clock, too_coarse(end), None)
         end, price = found
-    demands = outcomes(specification.demands, specification.plant, end.loops)
+    demands = outcomes(specification.demands, specification.plants, end.loops)
     unmet = [each for each in demands if not each.met]
     if unmet:
         reason = f"none were found that keep {unmet[0].name} on the whole frequency axis"
@@ -97,6 +105,13 @@ def report(
             warnings += reasons
         except OutOfTimeError:  # the settings are what they are without it
             warnings.append("no certificate: the time limit came first")
+    scenarios: tuple[ScenarioOutcome, ...] = ()
+    try:
+        scenarios, said = scenario_outcomes(specification, search, end, certificate, clock.tick)
+        warnings += said
+    except OutOfTimeError:
+        status = Status.TIME_LIMIT
+        warnings.append("no outcome of each scenario: the time limit came first")
     result = Tuning(
         status=status,
         objective=specification.objective.value,
@@ -106,9 +121,14 @@ def report(
         groups=search.groups,
         nominally_stable=True,
         search=_summary(specification, search, clock),
-        curves=end.curves,
-        guarantee=end.guarantee,
+        curves=end.axes[0].curves,
+        guarantee=overall(
+            [axis.guarantee for axis in end.axes] + [each.guarantee for each in scenarios]
+        ),
         demands=demands,
+        scenarios=scenarios,
+        active=binding(scenarios),
+        spread=end.spread,
         comparison=_comparison(solutions, search, end, clock),
         certificate=certificate,
         optimality=_optimality(specification, solutions, end, clock),
@@ -117,10 +137,10 @@ def report(
             specification.uncertainty,
             end.performance,
             end.loops,
-            whole=(end.peaks, end.guarantee),
+            whole=(end.peaks, end.axes[0].guarantee),
         ),
         resolution=price,
-        settings_tolerance=tolerance(specification, search, end),
+        settings_tolerance=tolerance(specification, search, end) if len(end.axes) == 1 else None,
         as_found=as_found(specification, end.performance),
         advice=advice(
             specification, end.performance, end.loops, end.peaks.robust_performance.value
@@ -214,7 +234,7 @@ def _optimality(
     # The grouping that permits most; 'best' may have kept identical settings.
     search = max(solutions.searches, key=lambda each: len(each.groups))
     tau_p = end.performance.tau_p
-    bound = BranchAndBound(search.problem, peaks=end.candidate.peaks, tau_p=tau_p)
+    bound = BranchAndBound(search.problem, peaks=end.candidate.peaks[0], tau_p=tau_p)
     try:
         return bound.run(clock.tick)
     except OutOfTimeError:  # the search was not cut short: what is proven is enough

@@ -22,6 +22,7 @@ from solver.tuning.attained import Attained, attained
 from solver.tuning.beside import PriceOfResolution
 from solver.tuning.nearby import fine_objective
 from solver.tuning.specification import Objective
+from solver.tuning.together import Together
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -133,11 +134,11 @@ def _settled(
     if specification.objective is Objective.TAU_P:
         value = math.log(found.performance.tau_p)
     peaks = np.array([found.peaks.robust_performance.omega])
-    candidate = replace(end.candidate, theta=theta, value=value, peaks=peaks)
+    candidate = replace(end.candidate, theta=theta, value=value, peaks=(peaks,))
+    axis = replace(end.axes[0], peaks=found.peaks, curves=found.curves, guarantee=found.guarantee)
     return replace(
-        end, candidate=candidate, performance=found.performance, loops=loops, peaks=found.peaks,
-        curves=found.curves, guarantee=found.guarantee,
-    )  # fmt: skip
+        end, candidate=candidate, performance=found.performance, loops=loops, axes=(axis,)
+    )
 
 
 class _Lattice:
@@ -148,7 +149,7 @@ class _Lattice:
         self.search = search
         self.clock = clock
         self.names = search.objective.kind.parameters * len(search.groups)
-        self.objective = replace(fine_objective(search), alone=search.objective.alone)
+        self.objective = replace(fine_objective(search), alone=search.objective.parts[0].alone)
         self.known: dict[_Point, float] = {}
 
     def theta(self, point: _Point) -> NDArray[np.float64]:
@@ -212,7 +213,7 @@ class _Lattice:
         goal = self.objective.goal
         # Settings that need no rounding must not end where the next frequency exceeds the level.
         kept = replace(goal, target=goal.target * (1 - KEPT_OFF))
-        objective = replace(self.objective, nu=FINE, goal=kept)
+        objective = Together((replace(self.objective, nu=FINE, goal=kept),))
         while len(fixed) < theta.size:
             sides = {i: self._sides(i, theta[i]) for i in range(theta.size) if i not in fixed}
             index = max(sides, key=lambda i: math.log(sides[i][-1]) - math.log(sides[i][0]))

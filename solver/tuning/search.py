@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solver.model.blocks import reduce
 from solver.model.frequencies import corners, grid, resonances
 from solver.model.peaks import Peak
 from solver.model.transfer_function import LARGEST
 from solver.model.weights import Performance
+from solver.mu.kernel import FINE
 from solver.optimality.record import SettingsProblem
 from solver.stability.closed_loop import unstable_poles
 from solver.tuning.alone import LoopsAlone
@@ -30,14 +30,21 @@ from solver.tuning.goals import MuGoal, TauGoal
 from solver.tuning.objective import Evaluation, LoopObjective
 from solver.tuning.phases import Phases
 from solver.tuning.specification import ControllerKind, Objective, Specification
+from solver.tuning.spread import SpreadOutcome, lattice, refined
+from solver.tuning.together import Together
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
+    from solver.model.blocks import LoopBlocks
+    from solver.model.controllers import Controller
+    from solver.model.plants import Plant
     from solver.tuning.goals import Goal
     from solver.tuning.groupings import Groups
+    from solver.tuning.scenarios import Case
+    from solver.tuning.spread import Deviation
 
 __all__ = ["FoundOptimum", "Freedom", "GroupingSearch"]
 
@@ -58,6 +65,7 @@ HOP = 1.0  # in log time
 SWAPPED = 2  # optima whose times are swapped
 GAIN_STEP = 0.3  # an unstable start is tried again with this share of its gains
 GAIN_STEPS = 12
+MOST_AT_FIRST = 8  # cases kept in sight from the start; others join where they are broken
 
 
 @dataclass(frozen=True)
@@ -125,79 +133,133 @@ class GroupingSearch:
         self.specification = specification
         self.groups = groups = freedom.groups
         self.checkpoint = checkpoint
-        plant, uncertainty = specification.plant, specification.uncertainty
-        self.blocks = reduce(plant, groups, uncertainty, specification.performance.output_scale)
+        self.cases = specification.cases(groups)
+        self.active = _first_active(self.cases)
         self.region = search_region(specification, groups)
         self.box = self.region.box
         demands = specification.demands
         rows, limits = planes(demands, freedom.kind, len(groups))
         if rows.size:
             self.box = replace(self.box, rows=rows, limits=limits)
-        alone = None
-        if demands.max_sensitivity_alone is not None:
-            alone = LoopsAlone.of(plant, groups, demands.max_sensitivity_alone)
         performance = specification.performance
-        goal: Goal
+        self.goal: Goal
         if specification.objective is Objective.TAU_P:
-            goal = TauGoal(performance, target)
+            self.goal = TauGoal(performance, target)
         else:
-            goal = MuGoal(performance)
-        bends = corners(plant, uncertainty)
-        extra = [resonances(plant), self._turning()]
+            self.goal = MuGoal(performance)
+        self.objective = Together(tuple(self._part(self.cases[index]) for index in self.active))
+        self.blocks = self.objective.parts[0].blocks
+        slow = Performance(performance.max_peak, performance.offset)
+        feasibility = self.objective.having(goal=MuGoal(slow, target))
+        self.phases = Phases(feasibility, self.box, checkpoint)
+        self.exact = ExactDescent(self.objective, self.phases)
+        self.optima: list[FoundOptimum] = []
+        self.closest: Evaluation | None = None
+
+    def _part(self, case: Case) -> LoopObjective:
+        """Return the levels of one case on a grid of its own."""
+        task, plant, blocks = self.specification, case.plant, case.blocks()
+        bends = corners(plant, case.uncertainty)
+        extra = [resonances(plant), self._turning(plant)]
         omega = grid(1e-2 * bends[0], 30 * bends[-1], POINTS_PER_DECADE, extra)
-        omega = np.concatenate([self._below(omega[0]), omega, self._far(omega[-1])])
-        self.objective = LoopObjective(
-            self.blocks,
-            uncertainty,
-            goal,
-            freedom.kind,
-            np.array(freedom.signs),
+        omega = np.concatenate([self._below(blocks, omega[0]), omega, _far(plant, omega[-1])])
+        alone, most = None, task.demands.max_sensitivity_alone
+        # Of the same plant with loops in manual each loop alone is the same.
+        if most is not None and (case.scenarios[0] == 0 or case.plant.n == task.plant.n):
+            alone = LoopsAlone.of(plant, blocks.groups, most)
+        return LoopObjective(
+            blocks,
+            case.uncertainty,
+            self.goal,
+            self.freedom.kind,
+            np.array(self.freedom.signs),
             omega,
             ROUGH_NU,
             alone=alone,
         )
-        slow = Performance(performance.max_peak, performance.offset)
-        feasibility = replace(self.objective, goal=MuGoal(slow, target))
-        self.phases = Phases(feasibility, self.box, checkpoint)
-        self.exact = ExactDescent(specification, self.objective, self.phases)
-        self.optima: list[FoundOptimum] = []
-        self.closest: Evaluation | None = None
 
-    def _below(self, bend: float) -> NDArray[np.float64]:
+    def worst_of_spread(self, candidate: Candidate) -> tuple[Case, SpreadOutcome, float] | None:
+        """Return the worst plant found in the boxes of the cases in sight, and its exact s.
+
+        None where nothing spreads.
+        """
+        task = self.specification
+        if task.spread is None:
+            return None
+        number, theta, tried = len(task.scenarios) + 1, candidate.theta, 0
+        worst: tuple[float, Case, dict[str, float]] | None = None
+        for index, part in zip(self.active, self.objective.parts, strict=True):
+            case = self.cases[index]
+            axes = task.spread.axes(case.plant)
+            if number in case.scenarios or not axes:
+                continue
+            omega = np.unique(np.concatenate([part.omega, *candidate.peaks]))
+            fixed = replace(part, omega=omega, followed=np.empty(0), nu=FINE, alone=None)
+
+            def value(
+                deviation: Deviation, case: Case = case, fixed: LoopObjective = fixed
+            ) -> float:
+                assert task.spread is not None  # noqa: S101 - for the type checker
+                beside = case.deviating(task.spread, deviation, number)
+                here = replace(fixed, blocks=beside.blocks()).evaluate(theta)
+                return here.s if math.isfinite(here.merit) else math.inf
+
+            points = lattice(len(axes))
+            values = [value(point) for point in points]
+            deviation, _, more = refined(value, points, values)
+            tried += len(points) + more
+            beside = case.deviating(task.spread, deviation, number)
+            alone = replace(self.exact, objective=Together((self._part(beside),)))
+            s = alone.measure(theta, candidate.value).value
+            if worst is None or s > worst[0]:
+                errors = {
+                    name: share * width
+                    for (name, width), share in zip(axes, deviation, strict=True)
+                }
+                worst = s, beside, errors
+        if worst is None:
+            return None
+        s, beside, errors = worst
+        tau_p = None
+        if task.objective is Objective.TAU_P and math.isfinite(s):
+            tau_p = math.exp(s)
+        return beside, SpreadOutcome(tried, tuple(errors.items()), tau_p), s
+
+    def include(self, case: Case) -> None:
+        """Take a further case among those that the settings must serve, and keep it in sight."""
+        self.cases = (*self.cases, case)
+        self.activate(len(self.cases) - 1)
+
+    def activate(self, index: int) -> int:
+        """Take a case among those that the search keeps in sight; return its part."""
+        if index not in self.active:
+            self.active.append(index)
+            part = replace(self._part(self.cases[index]), penalty=self.objective.penalty)
+            self._having((*self.objective.parts, part))
+        return self.active.index(index)
+
+    def _below(self, blocks: LoopBlocks, bend: float) -> NDArray[np.float64]:
         """Frequencies down to the limit for omega -> 0, for its value and slope.
 
         The limit is reached as omega^2, by a weak direction of the plant at lower frequencies.
         """
-        blocks = self.blocks.response(bend)
-        singular = np.concatenate([np.linalg.svd(G[0], compute_uv=False) for G in blocks])
+        gains = blocks.response(bend)
+        singular = np.concatenate([np.linalg.svd(G[0], compute_uv=False) for G in gains])
         weakest = max(singular.min() / singular.max(), WEAKEST)
         # An integral time far above the plant's own bends the curves down there.
         low = min(1e-2 * bend * weakest, 1e-2 * math.exp(-self._longest))
         between = np.geomspace(low, bend, 2 * math.ceil(math.log10(bend / low)) + 1)[1:-1]
         return np.concatenate([[low, 2 * low], between])
 
-    def _turning(self) -> NDArray[np.float64]:
+    def _turning(self, plant: Plant) -> NDArray[np.float64]:
         """Frequencies up to the crossover, where a long dead time turns the phase many times.
 
         So many that some are near the worst phase; which, the last descents find out.
         """
-        plant = self.specification.plant
         longest = max(element.dead_time for element in plant.elements)
         if longest * self.region.crossover < TURNING:
             return np.empty(0)
         return np.geomspace(1 / longest, 10 * self.region.crossover, PHASES_BELOW)
-
-    def _far(self, end: float) -> NDArray[np.float64]:
-        """Frequencies that stand for infinity, where what dead time feeds through has any phase.
-
-        They spread over one turn of the shortest dead time that feeds through.
-        """
-        dead_times = [e.dead_time for e in self.specification.plant.elements
-                      if e.dead_time > 0 and e.relative_degree == 0]  # fmt: skip
-        if not dead_times:
-            return np.empty(0)
-        start = FAR * max(end, 1 / min(dead_times))
-        return np.asarray(start + 2 * math.pi * np.arange(PHASES) / PHASES / min(dead_times))
 
     @property
     def _longest(self) -> float:
@@ -207,7 +269,7 @@ class GroupingSearch:
     @property
     def problem(self) -> SettingsProblem:
         """What is asked for, as a proof of optimality takes it."""
-        objective = self.objective
+        objective = self.objective.parts[0]
         return SettingsProblem(
             self.blocks, objective.uncertainty, self.specification.performance, objective.signs,
             self.box.low, self.box.high, objective.omega,
@@ -312,8 +374,11 @@ class GroupingSearch:
         """Return the peak of mu under an infinitely slow demand, between the grid's points too."""
         exact = replace(self.exact, objective=self.phases.feasibility)
         found = exact.measure(here.theta, here.value)
-        mu = exact.attained(found.theta, found.peaks)
-        return Peak(math.exp(float(mu.max()) / 2), float(found.peaks[mu.argmax()]))
+        mu = np.concatenate(
+            [exact.attained(found.theta, peaks, part) for part, peaks in enumerate(found.peaks)]
+        )
+        omega = np.concatenate(found.peaks)
+        return Peak(math.exp(float(mu.max()) / 2), float(omega[mu.argmax()]))
 
     def on_given_bounds(self, theta: NDArray[np.float64]) -> list[str]:
         """Return the names of the parameters that lie on bounds that the user gave."""
@@ -321,10 +386,14 @@ class GroupingSearch:
         on = np.stack([theta <= self.box.low, theta >= self.box.high], axis=1) & self.region.given
         return sorted({names[index % len(names)] for index in np.flatnonzero(on.any(axis=1))})
 
-    def look_at(self, omega: NDArray[np.float64]) -> None:
-        """Add frequencies (rad per time unit), where a proof found more, to the grid."""
-        omega = np.union1d(self.objective.omega, omega)
-        self._on(omega)
+    def look_at(self, omega: NDArray[np.float64], part: int | None = None) -> None:
+        """Add frequencies (rad per time unit), where a proof found more, to the grid of a part."""
+        self._having(
+            tuple(
+                replace(own, omega=np.union1d(own.omega, omega)) if part in {None, index} else own
+                for index, own in enumerate(self.objective.parts)
+            )
+        )
 
     def widen(self, theta: NDArray[np.float64], index: int, factor: float) -> None:
         """Move the bound of one parameter that `theta` is on outwards."""
@@ -334,11 +403,11 @@ class GroupingSearch:
         else:
             high[index] = min(high[index] + math.log(factor), math.log(LARGEST))
         self.box = replace(self.box, low=low, high=high)
-        self._on(self.objective.omega)
+        self._having(self.objective.parts)
 
-    def _on(self, omega: NDArray[np.float64]) -> None:
-        self.objective = replace(self.objective, omega=omega)
-        feasibility = replace(self.objective, goal=self.phases.feasibility.goal)
+    def _having(self, parts: tuple[LoopObjective, ...]) -> None:
+        self.objective = Together(parts)
+        feasibility = self.objective.having(goal=self.phases.feasibility.goal)
         self.phases = replace(self.phases, feasibility=feasibility, box=self.box)
         self.exact = replace(self.exact, objective=self.objective, phases=self.phases)
 
@@ -379,12 +448,28 @@ class GroupingSearch:
         return replace(_of_grid(found), count=optimum.count)
 
     def accepts(self, theta: NDArray[np.float64]) -> bool:
-        """Whether the loops are stable and meet every demand beside that on mu."""
-        specification = self.specification
-        loops = self.blocks.expand(self.objective.controllers(theta))
-        if unstable_poles(specification.plant, loops):
+        """Whether the loops are stable in every case and meet every demand beside that on mu."""
+        loops = self.loops(theta)
+        if self.unstable(theta) is not None:
             return False
-        return all(each.met for each in outcomes(specification.demands, specification.plant, loops))
+        return all(
+            each.met
+            for each in outcomes(self.specification.demands, self.specification.plants, loops)
+        )
+
+    def loops(self, theta: NDArray[np.float64]) -> tuple[Controller, ...]:
+        """Return the settings, one a unit of the task."""
+        return self.blocks.expand(self.objective.controllers(theta))
+
+    def unstable(self, theta: NDArray[np.float64]) -> int | None:
+        """Return a case that is nominally unstable, one that is not kept in sight if any is."""
+        loops = self.loops(theta)
+        order = sorted(range(len(self.cases)), key=lambda index: index in self.active)
+        for index in order:
+            case = self.cases[index]
+            if unstable_poles(case.plant, case.loops(loops)):
+                return index
+        return None
 
     def canonical(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the permuted copy that stands for all: groups alike by descending gain."""
@@ -429,3 +514,26 @@ class GroupingSearch:
             better = found if found.value < known.value else known
             self.optima[index] = FoundOptimum(better.theta, better.value, known.count + count)
         self.optima.sort(key=lambda optimum: optimum.value)
+
+
+def _first_active(cases: Sequence[Case]) -> list[int]:
+    """Return the cases to begin with: all, or of many the first and the last of each scenario."""
+    if len(cases) <= MOST_AT_FIRST:
+        return list(range(len(cases)))
+    ends: dict[int, list[int]] = {}
+    for index, case in enumerate(cases):
+        for scenario in case.scenarios:
+            ends.setdefault(scenario, []).append(index)
+    return sorted({index for own in ends.values() for index in (own[0], own[-1])})
+
+
+def _far(plant: Plant, end: float) -> NDArray[np.float64]:
+    """Frequencies that stand for infinity, where what dead time feeds through has any phase.
+
+    They spread over one turn of the shortest dead time that feeds through.
+    """
+    dead_times = [e.dead_time for e in plant.elements if e.dead_time > 0 and e.relative_degree == 0]
+    if not dead_times:
+        return np.empty(0)
+    start = FAR * max(end, 1 / min(dead_times))
+    return np.asarray(start + 2 * math.pi * np.arange(PHASES) / PHASES / min(dead_times))

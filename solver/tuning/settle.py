@@ -15,7 +15,7 @@ import numpy as np
 
 from solver.model.errors import InvalidInputError
 from solver.model.transfer_function import LARGEST
-from solver.robustness.axis import proven_peaks
+from solver.robustness.axis import AxisPeaks, proven_peaks
 from solver.tuning.endless import extended
 from solver.tuning.specification import Objective
 
@@ -24,32 +24,39 @@ if TYPE_CHECKING:
 
     from solver.model.controllers import Controller
     from solver.model.weights import Performance
-    from solver.robustness.record import Curves, Guarantee, Peaks
+    from solver.robustness.record import Peaks
     from solver.tuning.clock import Clock
     from solver.tuning.exact import Candidate
     from solver.tuning.search import GroupingSearch
     from solver.tuning.specification import Specification
+    from solver.tuning.spread import SpreadOutcome
 
 __all__ = ["Settled", "settled"]
 
 ROUNDING = 1e-9  # relative addition to tau_P that keeps mu <= 1 under rounding
 ABOVE = 2e-8  # relative excess of the proven peak that is rounding of the kernel
 ROUNDS = 6  # of the search with the peaks that the proof found
+SPREAD_ROUNDS = 12  # and with the worst plants of a spread
 NEARLY = 0.02  # relative distance below the peak of maxima that are as good as active
 MOST_PLACES = 50  # of them that join the grid in one round
+WORSE = 1e-6  # of s: a plant of the spread that is worse by more joins the cases
 RAISED = 30  # times that tau_P of the same settings is raised to what a new peak demands
 
 
 @dataclass(frozen=True)
 class Settled:
-    """Settings, what they reach, and the peaks over the whole here."""
+    """Settings, what they reach, and the peaks over the whole axis, case by case."""
 
     candidate: Candidate
     performance: Performance
     loops: tuple[Controller, ...]
-    peaks: Peaks
-    curves: Curves
-    guarantee: Guarantee
+    axes: tuple[AxisPeaks, ...]
+    spread: SpreadOutcome | None = None
+
+    @property
+    def peaks(self) -> Peaks:
+        """Of the plant of the task itself."""
+        return self.axes[0].peaks
 
 
 def settled(
@@ -80,28 +87,61 @@ def settled(
 
     """
     if clock is not None:
-        candidate = extended(search, candidate)
-        for _ in range(ROUNDS):
-            clock.tick()
-            here = _looked_at(specification, search, candidate)
-            if _above(search, candidate, here) <= ABOVE:
-                return here
-            search.look_at(_high_places(here))
-            found = search.exact.descend(candidate.theta)
-            if found is None or not search.accepts(found.theta):
-                break
-            candidate = found
+        found, candidate = _searched_on(specification, search, extended(search, candidate), clock)
+        if found is not None:
+            return found
     for _ in range(RAISED):
-        here = _looked_at(specification, search, candidate)
-        if _above(search, candidate, here) <= ABOVE:
+        here, worse = _judged(specification, search, candidate)
+        if worse is None and _above(search, candidate, here) <= ABOVE:
             return here
-        top = np.array([here.peaks.robust_performance.omega])
-        needed = float(search.exact.attained(candidate.theta, top)[0])
-        value = max(needed, candidate.value)
+        if worse is not None:
+            value = worse
+        else:
+            worst = int(np.argmax([_excess(search, candidate, axis) for axis in here.axes]))
+            top = np.array([here.axes[worst].peaks.robust_performance.omega])
+            number = search.activate(worst)
+            value = float(search.exact.attained(candidate.theta, top, number)[0])
+        value = max(value, candidate.value)
         if not math.isfinite(value):
             return None
         candidate = replace(candidate, value=value)
     return None
+
+
+def _searched_on(
+    specification: Specification, search: GroupingSearch, candidate: Candidate, clock: Clock
+) -> tuple[Settled | None, Candidate]:
+    """Search on from each peak that the proof finds higher; None where that leads nowhere."""
+    for _ in range(ROUNDS if specification.spread is None else SPREAD_ROUNDS):
+        clock.tick()
+        here, worse = _judged(specification, search, candidate)
+        if worse is None and _above(search, candidate, here) <= ABOVE:
+            return here, candidate
+        for index, axis in enumerate(here.axes):
+            if _excess(search, candidate, axis) > ABOVE or index in search.active:
+                search.look_at(_high_places(axis), search.activate(index))
+        found = search.exact.descend(candidate.theta)
+        if found is None or not search.accepts(found.theta):
+            break
+        candidate = found
+    return None, candidate
+
+
+def _judged(
+    specification: Specification, search: GroupingSearch, candidate: Candidate
+) -> tuple[Settled, float | None]:
+    """Return the peaks of all cases, and the s of a worse plant of the spread, now one of them."""
+    here = _looked_at(specification, search, candidate)
+    if _above(search, candidate, here) > ABOVE:
+        return here, None
+    worst = search.worst_of_spread(here.candidate)
+    if worst is None:
+        return here, None
+    case, outcome, s = worst
+    if s <= candidate.value + WORSE:
+        return replace(here, spread=outcome), None
+    search.include(case)
+    return here, s
 
 
 def _looked_at(
@@ -109,7 +149,7 @@ def _looked_at(
 ) -> Settled:
     """Return the candidate with its peaks over the whole here."""
     theta = search.canonical(candidate.theta)
-    loops = search.blocks.expand(search.objective.controllers(theta))
+    loops = search.loops(theta)
     performance = specification.performance
     if specification.objective is Objective.TAU_P:
         value = math.exp(candidate.value) * (1 + ROUNDING)
@@ -117,19 +157,28 @@ def _looked_at(
             message = f"tau_P would be {value:.3g}: take a longer unit of time"
             raise InvalidInputError(message, "/plant")
         performance = performance.with_tau_p(value)
-    axis = proven_peaks(specification.plant, specification.uncertainty, performance, loops)
-    kept = replace(candidate, theta=theta)
-    return Settled(kept, performance, loops, axis.peaks, axis.curves, axis.guarantee)
+    axes = tuple(
+        proven_peaks(
+            case.plant, case.uncertainty, replace(case.performance, tau_p=performance.tau_p),
+            case.loops(loops),
+        )
+        for case in search.cases
+    )  # fmt: skip
+    return Settled(replace(candidate, theta=theta), performance, loops, axes)
 
 
 def _above(search: GroupingSearch, candidate: Candidate, here: Settled) -> float:
-    """Relative excess of the peak over what the candidate claims."""
+    """Relative excess of the highest peak over what the candidate claims."""
+    return max(_excess(search, candidate, axis) for axis in here.axes)
+
+
+def _excess(search: GroupingSearch, candidate: Candidate, axis: AxisPeaks) -> float:
     goal = search.objective.goal
     claimed = goal.target if goal.skewed else math.exp(candidate.value / 2)
-    return float(here.peaks.robust_performance.value / claimed - 1)
+    return float(axis.peaks.robust_performance.value / claimed - 1)
 
 
-def _high_places(here: Settled) -> NDArray[np.float64]:
+def _high_places(here: AxisPeaks) -> NDArray[np.float64]:
     """Frequencies of the peak and of maxima nearly as high, rad per time unit."""
     mu, omega = here.curves.robust_performance, here.curves.omega
     padded = np.concatenate([[0.0], mu, [0.0]])

@@ -281,15 +281,22 @@ class Solutions:
         for _ in range(EXTENSIONS):
             if search.accepts(candidate.theta):
                 return candidate
-            bends = corners(
-                self.specification.plant, self.specification.uncertainty,
-                search.objective.controllers(candidate.theta),
-            )  # fmt: skip
-            end = search.objective.omega[-1]
-            longest = max(FARTHER * end, FARTHER * float(bends[-1]))
-            search.look_at(np.geomspace(end, longest, 11 * round(math.log10(longest / end)) + 1))
+            unstable = search.unstable(candidate.theta)
+            if unstable is None or unstable in search.active:
+                self._extend(search, candidate)
+            else:
+                search.activate(unstable)
             found = search.exact.descend(candidate.theta)
             if found is None:
                 return None
             candidate = found
         return None
+
+    def _extend(self, search: GroupingSearch, candidate: Candidate) -> None:
+        bends = corners(
+            self.specification.plant, self.specification.uncertainty,
+            search.objective.controllers(candidate.theta),
+        )  # fmt: skip
+        end = max(float(part.omega[-1]) for part in search.objective.parts)
+        longest = max(FARTHER * end, FARTHER * float(bends[-1]))
+        search.look_at(np.geomspace(end, longest, 11 * round(math.log10(longest / end)) + 1))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import KW_ONLY, dataclass, replace
 from enum import StrEnum
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from solver.model.arranged import check_pairing, paired, sampled
 from solver.model.controllers import Controller
@@ -28,6 +28,11 @@ from solver.model.validation import (
 from solver.model.weights import Performance, Uncertainty
 from solver.tuning.demands import NO_DEMANDS, Demands
 from solver.tuning.resolution import Resolution
+from solver.tuning.scenarios import MAX_CASES, Case, Scenario, cases_of, check_scenarios
+from solver.tuning.spread import Spread
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 __all__ = [
     "BEST_PAIRING",
@@ -158,6 +163,10 @@ class Specification:
         Signs of the gains.
     demands : Demands
         Hard constraints beside robust performance.
+    scenarios : tuple of Scenario
+        Further plants, and sets of loops in service, that the same settings must serve.
+    spread : Spread or None
+        Box of parameters around the plant, and around those of the scenarios, that they must serve.
     starts : int or None
         Starts of the search, 1..1000; None: until no further optimum is to be expected.
     seed : int
@@ -189,6 +198,8 @@ class Specification:
     bounds: Bounds = Bounds()
     signs: Signs = Signs.USUAL
     demands: Demands = NO_DEMANDS
+    scenarios: tuple[Scenario, ...] = ()
+    spread: Spread | None = None
     starts: int | None = None
     seed: int = 0
     time_limit: float | None = None
@@ -232,7 +243,44 @@ class Specification:
     def interchangeable(self) -> bool:
         """Whether units may change places: those of a parallel plant whose errors are alike."""
         unlike = self.performance.unlike_outputs or self.uncertainty.unlike_inputs
-        return self.plant.interchangeable and not unlike
+        scenarios_alike = all(
+            scenario.in_service is None
+            and (scenario.plant is None or scenario.plant.interchangeable)
+            and not (scenario.uncertainty or self.uncertainty).unlike_inputs
+            for scenario in self.scenarios
+        )
+        return self.plant.interchangeable and not unlike and scenarios_alike
+
+    def cases(self, groups: Sequence[Sequence[int]]) -> tuple[Case, ...]:
+        """Return what all scenarios come down to under settings equal within `groups`.
+
+        Raises
+        ------
+        InvalidInputError
+            Too many cases.
+
+        """
+        given = cases_of(
+            self.scenarios, self.plant, self.uncertainty, self.performance,
+            tuple(tuple(group) for group in groups),
+        )  # fmt: skip
+        if self.spread is None:
+            return given
+        number = len(self.scenarios) + 1
+        found = {case.key: case for case in given}
+        for case in given:
+            for corner in self.spread.corners(case.plant):
+                beside = case.deviating(self.spread, corner, number)
+                found.setdefault(beside.key, beside)
+        if len(found) > MAX_CASES:
+            message = f"the corners of the spread make more than {MAX_CASES} different cases"
+            raise InvalidInputError(message, "/spread")
+        return tuple(found.values())
+
+    @property
+    def plants(self) -> tuple[Plant, ...]:
+        """Every plant that the settings must serve, that of the task first."""
+        return (self.plant, *(each.plant for each in self.scenarios if each.plant is not None))
 
     def arranged(self, pairing: tuple[int, ...] | None) -> Specification:
         """Return the same task as the loops see it: inputs paired, scan time as dead time.
@@ -246,11 +294,29 @@ class Specification:
             plant = paired(plant, pairing)
         if plant is self.plant and self.pairing is None:
             return self
-        return replace(self, plant=plant, pairing=None, scan_time=0.0)
+        scenarios = tuple(
+            scenario
+            if scenario.plant is None
+            else replace(scenario, plant=_arranged(scenario.plant, self.scan_time, pairing))
+            for scenario in self.scenarios
+        )
+        return replace(self, plant=plant, pairing=None, scan_time=0.0, scenarios=scenarios)
+
+    def _check_one_plant(self) -> None:
+        for name, field in (("resolution", "/controller/resolution"), ("as_found", "/as_found")):
+            if getattr(self, name) is not None:
+                message = "this is for one plant: leave it out, or the scenarios and the spread"
+                raise InvalidInputError(message, field)
 
     def _settle(self) -> None:
         instance(self.plant, Plant, "/plant")
         require_fit(self.plant, self.uncertainty, self.performance)
+        settle(self, scenarios=instances(self.scenarios, Scenario, "/scenarios"))
+        if self.spread is not None:
+            instance(self.spread, Spread, "/spread")
+        if self.scenarios or self.spread is not None:
+            self._check_one_plant()
+        check_scenarios(self.scenarios, self.plant, self.uncertainty, self.performance)
         instance(self.bounds, Bounds, "/controller/bounds")
         instance(self.demands, Demands, "/demands")
         settle(
@@ -384,6 +450,9 @@ class Specification:
         if self.objective is not Objective.TAU_P:
             message = "the optimality gap is proven for the objective tau_p only"
             raise InvalidInputError(message, where)
+        if self.scenarios or self.spread is not None:
+            message = "the optimality gap is proven for one plant, without scenarios or spread"
+            raise InvalidInputError(message, where)
         if self.uncertainty.unlike_inputs:
             message = "the optimality gap is proven for inputs of one uncertainty only"
             raise InvalidInputError(message, where)
@@ -403,3 +472,8 @@ class Specification:
                 f"up to {MOST_PROVEN} units"
             )
             raise InvalidInputError(message, where)
+
+
+def _arranged(plant: Plant, scan_time: float, pairing: tuple[int, ...] | None) -> Plant:
+    plant = sampled(plant, scan_time)
+    return plant if pairing is None else paired(plant, pairing)

@@ -14,7 +14,7 @@ from solver.tuning.bounds import gain_signs
 from solver.tuning.clock import Clock, OutOfTimeError
 from solver.tuning.demand_checks import outcomes
 from solver.tuning.demands import NO_DEMANDS
-from solver.tuning.feasibility import impossibility, other_signs
+from solver.tuning.feasibility import Impossibility, impossibility, other_signs
 from solver.tuning.given_start import given_groups, signs_of
 from solver.tuning.groupings import groupings, neighbours
 from solver.tuning.pairings import pairings
@@ -23,6 +23,7 @@ from solver.tuning.report import infeasible, report
 from solver.tuning.search import Freedom
 from solver.tuning.solutions import Solution, Solutions
 from solver.tuning.specification import Arrangement, Objective, Signs, Specification
+from solver.tuning.spread import SPREAD
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -155,7 +156,7 @@ def _with_the_demand_named(specification: Specification, found: Tuning) -> Tunin
         return found
     broken = [
         each
-        for each in outcomes(specification.demands, specification.plant, free.loops)
+        for each in outcomes(specification.demands, specification.plants, free.loops)
         if not each.met
     ]
     if not broken:
@@ -171,6 +172,22 @@ def _with_the_demand_named(specification: Specification, found: Tuning) -> Tunin
         f"with {relaxed} there are some, with tau_p = {free.tau_p:.6g}"
     )
     return replace(found, reason=reason, omega=None)
+
+
+def _forbidden(specification: Specification) -> Impossibility | None:
+    """Return what forbids every setting for one of the plants, or None."""
+    found = impossibility(specification)
+    for case in specification.cases(groupings(specification)[0]):
+        if found is not None or case.scenarios[0] == 0:
+            continue
+        alone = Specification(case.plant, case.uncertainty, replace(case.performance, tau_p=None))
+        own = impossibility(alone)
+        if own is not None:
+            number = case.scenarios[0] - 1
+            listed = specification.scenarios
+            name = listed[number].name if number < len(listed) else SPREAD
+            found = replace(own, reason=f"scenario {name!r}: {own.reason}")
+    return found
 
 
 class _Run:
@@ -192,7 +209,7 @@ class _Run:
 
     def result(self) -> Tuning:
         """Search, choose, report."""
-        forbidden = impossibility(self.specification)
+        forbidden = _forbidden(self.specification)
         if forbidden is not None and (
             forbidden.whatever_signs or self.specification.signs is Signs.USUAL
         ):

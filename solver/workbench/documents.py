@@ -35,7 +35,11 @@ _MODULES = {
     ),
     "solver.tuning.resolution": ("Resolution",),
     "solver.tuning.demands": ("DemandOutcome", "Demands"),
-    "solver.tuning.record": ("Comparison", "LocalOptimum", "SearchSummary", "Status", "Tuning"),
+    "solver.tuning.record": (
+        "Comparison", "LocalOptimum", "ScenarioOutcome", "SearchSummary", "Status", "Tuning",
+    ),
+    "solver.tuning.scenarios": ("Scenario",),
+    "solver.tuning.spread": ("Spread", "SpreadOutcome"),
     "solver.tuning.specification": (
         "Arrangement", "Bounds", "ControllerKind", "Objective", "Signs", "Specification",
     ),

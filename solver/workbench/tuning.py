@@ -21,7 +21,9 @@ if TYPE_CHECKING:
     from solver.tuning.demands import Demands
     from solver.tuning.record import Progress
     from solver.tuning.resolution import Resolution
+    from solver.tuning.scenarios import Scenario
     from solver.tuning.specification import Arrangement, Objective, Signs
+    from solver.tuning.spread import Spread
 
     KindName = Literal["PI", "PID", "PIF", "PIDF"]
     ArrangementName = Literal["identical", "independent", "grouped", "best"]
@@ -50,6 +52,8 @@ def tune(
     bounds: Bounds | None = None,
     signs: Signs | Literal["usual", "any"] = ...,
     demands: Demands = ...,
+    scenarios: Sequence[Scenario] = ...,
+    spread: Spread | None = None,
     start: Sequence[Controller] | None = None,
     resolution: Resolution | None = None,
     as_found: Sequence[Controller] | None = None,
@@ -88,7 +92,7 @@ def tune(
         See `Specification`.
     objective : Objective or str
         'tau_p', the fastest settings, or 'mu', the smallest peak of mu at `tau_p`.
-    bounds, signs, demands, start, resolution, as_found
+    bounds, signs, demands, scenarios, spread, start, resolution, as_found
         See `Specification`.
     starts, seed, time_limit, certificate, optimality_gap
         See `Specification`.

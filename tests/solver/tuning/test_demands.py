@@ -94,7 +94,7 @@ def test_gain_is_that_of_the_controller_beyond_integral_action(kind: ControllerK
     for theta in rng.normal(scale=1.5, size=(200, len(kind.parameters))):
         settings = dict(zip(kind.parameters, np.exp(theta).tolist(), strict=True))
         loop = Controller(**settings)
-        gain, load = outcomes(Demands(limit, 2.0), first_order(1, 1, 1, 0), [loop])
+        gain, load = outcomes(Demands(limit, 2.0), [first_order(1, 1, 1, 0)], [loop])
         assert (gain.met and load.met) == bool((rows @ theta <= limits).all())
         far = abs(complex(loop(1e9j)))
         assert far <= gain.value * (1 + 1e-6)
@@ -110,7 +110,7 @@ def test_load_error_is_the_integrated_error_after_a_load_step() -> None:
     )  # fmt: skip
     response = step_response(experiment)
     area = np.trapezoid(response.responses[0].output, response.time)
-    demand = outcomes(Demands(max_load_error=9.0), plant, loops)[0]
+    demand = outcomes(Demands(max_load_error=9.0), [plant], loops)[0]
     assert demand.value == pytest.approx(1.5)
     assert area == pytest.approx(1.5, rel=1e-2)
 

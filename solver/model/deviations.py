@@ -1,0 +1,53 @@
+"""Plants beside a given one: a parameter of its elements times a factor."""
+
+from __future__ import annotations
+
+from solver.model.plants import MatrixPlant, ParallelPlant, Plant
+from solver.model.transfer_function import LARGEST, TransferFunction
+
+__all__ = ["change_dead_time", "change_gain", "change_time_constant", "coupled", "depends_on"]
+
+
+def coupled(plant: Plant, factor: float) -> Plant:
+    """Return the plant with the effect of each unit on the others times `factor`."""
+    if isinstance(plant, ParallelPlant):
+        return ParallelPlant(plant.n, plant.process, change_gain(plant.interaction, factor))
+    rows = [
+        [element if r == c else change_gain(element, factor) for c, element in enumerate(row)]
+        for r, row in enumerate(plant.rows)
+    ]
+    return MatrixPlant(rows)
+
+
+def depends_on(name: str, element: TransferFunction) -> bool:
+    """Whether an element has the parameter `name`: gain, time_constant or dead_time."""
+    if element.is_zero:
+        return False
+    if name == "time_constant":
+        return len(element.den) > 1
+    return name == "gain" or element.dead_time > 0
+
+
+def change_gain(element: TransferFunction, factor: float) -> TransferFunction:
+    """Return the element with its gain times `factor`."""
+    if factor == 0 or element.is_zero:
+        return TransferFunction((0.0,), (1.0,))
+    return _within([c * factor for c in element.num], list(element.den), element.dead_time)
+
+
+def change_time_constant(element: TransferFunction, factor: float) -> TransferFunction:
+    """Return the element with factor s for s in its rational part."""
+    num = [c * factor**power for power, c in enumerate(reversed(element.num))][::-1]
+    den = [c * factor**power for power, c in enumerate(reversed(element.den))][::-1]
+    return _within(num, den, element.dead_time)
+
+
+def change_dead_time(element: TransferFunction, factor: float) -> TransferFunction:
+    """Return the element with its dead time times `factor`."""
+    return TransferFunction(element.num, element.den, min(element.dead_time * factor, LARGEST))
+
+
+def _within(num: list[float], den: list[float], dead_time: float) -> TransferFunction:
+    """Return num/den, both divided where a coefficient would be too large."""
+    size = max(1.0, max(abs(c) for c in num + den) / LARGEST)
+    return TransferFunction([c / size for c in num], [c / size for c in den], dead_time)

@@ -1,0 +1,121 @@
+"""What settings make of each scenario: its peaks, what is proven of them, its own tau_P."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from solver.certificate.search import PROVEN_ABOVE, prove
+from solver.robustness.record import Guarantee, GuaranteeStatus
+from solver.tuning.record import ScenarioOutcome
+from solver.tuning.scenarios import AS_GIVEN
+from solver.tuning.specification import Objective
+from solver.tuning.spread import SPREAD
+from solver.tuning.together import Together
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from solver.certificate.record import Certificate
+    from solver.tuning.search import GroupingSearch
+    from solver.tuning.settle import Settled
+    from solver.tuning.specification import Specification
+
+__all__ = ["binding", "overall", "scenario_outcomes"]
+
+
+def scenario_outcomes(
+    specification: Specification,
+    search: GroupingSearch,
+    end: Settled,
+    certificate: Certificate | None,
+    interrupt: Callable[[], object],
+) -> tuple[tuple[ScenarioOutcome, ...], list[str]]:
+    """Return the outcome of each scenario, the task's own plant first, and warnings.
+
+    None where there are no scenarios. Each case is computed once, whichever scenarios it is in;
+    `certificate` is that of the task's own plant.
+    """
+    if not specification.scenarios and specification.spread is None:
+        return (), []
+    values, certificates, warnings = [], [], []
+    for index, (case, axis) in enumerate(zip(search.cases, end.axes, strict=True)):
+        values.append(_own_tau_p(specification, search, end, index))
+        proof = certificate if index == 0 else None
+        if specification.certificate and index:
+            performance = replace(case.performance, tau_p=end.performance.tau_p)
+            level = PROVEN_ABOVE * axis.peaks.robust_performance.value
+            proof, reasons = prove(
+                case.plant, case.uncertainty, performance, case.loops(end.loops), level,
+                interrupt=interrupt,
+            )  # fmt: skip
+            units = ", ".join(str(unit) for unit in case.units)
+            warnings += [f"units {units} in service: {reason}" for reason in reasons]
+        certificates.append(proof)
+    names = [AS_GIVEN, *(scenario.name for scenario in specification.scenarios)]
+    if specification.spread is not None:
+        names.append(SPREAD)
+    found = []
+    for number, name in enumerate(names):
+        mine = [index for index, case in enumerate(search.cases) if number in case.scenarios]
+        if not mine:  # nothing spreads, or the corners are plants that are there already
+            continue
+        guarantee = overall([end.axes[index].guarantee for index in mine])
+        if number > len(specification.scenarios):
+            guarantee = Guarantee(GuaranteeStatus.OPEN, guarantee.level, _searched(end))
+        worst = max(mine, key=lambda index: end.axes[index].peaks.robust_performance.value)
+        taus = [values[index] for index in mine]
+        found.append(
+            ScenarioOutcome(
+                name,
+                search.cases[worst].units,
+                len(mine),
+                None if None in taus else max(tau for tau in taus if tau is not None),
+                end.axes[worst].peaks,
+                end.axes[worst].curves,
+                guarantee,
+                tuple(each for each in (certificates[index] for index in mine) if each),
+            )
+        )
+    return tuple(found), warnings
+
+
+def _searched(end: Settled) -> str:
+    plants = 0 if end.spread is None else end.spread.plants
+    return (
+        f"the spread was searched at {plants} plants beside its corners; between them nothing is "
+        "proven"
+    )
+
+
+def overall(guarantees: Sequence[Guarantee]) -> Guarantee:
+    """Return what is proven of all: proven if each is, at the highest level."""
+    level = max(each.level for each in guarantees)
+    reasons = [each.reason for each in guarantees if each.status is GuaranteeStatus.OPEN]
+    if reasons:
+        return Guarantee(GuaranteeStatus.OPEN, level, reasons[0])
+    return Guarantee(GuaranteeStatus.PROVEN, level)
+
+
+def binding(outcomes: Sequence[ScenarioOutcome]) -> str | None:
+    """Return the name of the scenario that decides the result; None without scenarios."""
+    if not outcomes:
+        return None
+    return max(
+        outcomes,
+        key=lambda each: each.peaks.robust_performance.value if each.tau_p is None else each.tau_p,
+    ).name
+
+
+def _own_tau_p(
+    specification: Specification, search: GroupingSearch, end: Settled, index: int
+) -> float | None:
+    """Return the tau_P that one case alone would permit these settings."""
+    if specification.objective is not Objective.TAU_P:
+        return None
+    number = search.activate(index)
+    part = search.objective.parts[number]
+    exact = replace(search.exact, objective=Together((part,)))
+    s = exact.measure(end.candidate.theta, end.candidate.value).value
+    return math.exp(s) if math.isfinite(s) else None

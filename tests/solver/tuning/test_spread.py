@@ -1,0 +1,114 @@
+"""A spread of parameters: every plant in a box under the same settings."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+from solver.model.errors import InvalidInputError
+from solver.model.plants import MatrixPlant, first_order
+from solver.model.weights import Performance, Uncertainty
+from solver.robustness.axis import proven_peaks
+from solver.tuning.record import Status
+from solver.tuning.scenarios import Scenario
+from solver.tuning.specification import Arrangement, Specification
+from solver.tuning.spread import Spread
+from solver.tuning.tuner import tune
+
+SLH = first_order(2, 1.0, 100.0, 0.949)
+USUAL = Uncertainty.from_error(0.2, 1)
+
+
+def task(plant, spread, **options):
+    """Tune with this spread."""
+    options = {"arrangement": Arrangement.IDENTICAL, "starts": 4, **options}
+    return tune(Specification(plant, USUAL, Performance(), spread=spread, **options))
+
+
+@pytest.mark.parametrize("arrangement", [Arrangement.IDENTICAL, Arrangement.INDEPENDENT])
+def test_two_per_cent_of_interaction_are_served(arrangement):
+    """a = 0.949: plants drawn from the box keep mu at 1; without the spread they do not."""
+    spread = Spread(interaction=0.02)
+    plain = task(SLH, None, arrangement=arrangement)
+    found = task(SLH, spread, arrangement=arrangement)
+    assert found.demand_met
+    assert found.active == "spread"
+    assert found.tau_p > 1.4 * plain.tau_p
+    assert found.guarantee.status == "open"
+    assert "searched at" in found.guarantee.reason
+    peaks = {}
+    for name, result in (("plain", plain), ("found", found)):
+        demand = Performance(tau_p=result.tau_p)
+        peaks[name] = max(
+            proven_peaks(
+                first_order(2, 1.0, 100.0, 0.949 * (1 + error)), USUAL, demand, result.loops
+            ).peaks.robust_performance.value
+            for error in (-0.02, -0.0137, 0.0004, 0.0119, 0.02)
+        )
+    assert peaks["plain"] > 1.1
+    assert peaks["found"] <= 1 + 1e-5
+
+
+def test_plants_drawn_from_a_box_of_four_parameters_keep_the_demand():
+    """No corner, no point of the lattice: still mu <= 1 to the tolerance of the search."""
+    plant = first_order(3, 1.0, 50.0, 0.3, 2.0)
+    spread = Spread(0.1, 0.2, 0.3, 0.1)
+    found = task(plant, spread)
+    assert found.demand_met
+    assert found.spread.plants > 600
+    rng = np.random.default_rng(1)
+    for _ in range(8):
+        g, t, d, i = 1 + np.array([0.1, 0.2, 0.3, 0.1]) * rng.uniform(-1, 1, 4)
+        beside = first_order(3, g, 50.0 * t, 0.3 * i, 2.0 * d)
+        axis = proven_peaks(beside, USUAL, Performance(tau_p=found.tau_p), found.loops)
+        assert axis.peaks.robust_performance.value <= 1 + 1e-4
+
+
+def test_a_matrix_plant_spreads_alike():
+    """The same plant as a matrix has the same tau_P."""
+    rows = [[SLH.element(r, c) for c in range(2)] for r in range(2)]
+    spread = Spread(gain=0.05, interaction=0.01)
+    there = task(SLH, spread)
+    here = task(MatrixPlant(rows), spread)
+    assert here.tau_p == pytest.approx(there.tau_p, rel=1e-4)
+
+
+def test_a_wider_box_costs_more():
+    """tau_P rises with the deviation; none is the plain task."""
+    values = [task(SLH, Spread(gain=width)).tau_p for width in (0.0, 0.05, 0.1)]
+    assert values[0] == task(SLH, None).tau_p
+    assert all(a < b for a, b in itertools.pairwise(values))
+
+
+def test_parameters_that_the_plant_has_not_are_left_out():
+    """A single unit has no interaction, a plant without dead time none to spread."""
+    alone = first_order(1, 1.0, 100.0, 0.0)
+    assert Spread(interaction=0.5, dead_time=0.5).axes(alone) == ()
+    assert task(alone, Spread(interaction=0.5)).tau_p == task(alone, None).tau_p
+
+
+def test_a_box_that_holds_a_singular_plant_is_infeasible():
+    """0.949 + 6 per cent passes 1: said to be the spread's fault."""
+    found = task(SLH, Spread(interaction=0.06))
+    assert found.status is Status.INFEASIBLE
+    assert "scenario 'spread'" in found.reason
+
+
+def test_the_plants_of_scenarios_spread_too():
+    """Each scenario has its corners."""
+    other = first_order(2, 1.0, 100.0, 0.9)
+    plain = task(other, Spread(gain=0.1), scenarios=[Scenario("given", plant=SLH)])
+    assert [(each.name, each.sets) for each in plain.scenarios] == [
+        ("as given", 1), ("given", 1), ("spread", 4),
+    ]  # fmt: skip
+    assert plain.tau_p >= task(SLH, Spread(gain=0.1)).tau_p * (1 - 1e-6)
+
+
+@pytest.mark.parametrize("value", [-0.1, 1.0, float("nan")])
+def test_deviations_out_of_range_are_refused(value):
+    """By their pointer."""
+    with pytest.raises(InvalidInputError) as caught:
+        Spread(interaction=value)
+    assert caught.value.field == "/interaction"
