@@ -432,7 +432,8 @@ class GroupingSearch:
                     self._remember(candidate, left[0].count)
                 left = left[1:]
                 if candidate is not None and left and left[0].value <= best - ROUGH:
-                    self.look_at(candidate.peaks)
+                    for index, peaks in enumerate(candidate.peaks):
+                        self.look_at(peaks, index)
                     left = sorted(map(self._again, left), key=lambda optimum: optimum.value)
         finally:  # where time runs out they are still the best there is
             for optimum in left:
