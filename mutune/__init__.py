@@ -100,7 +100,7 @@ if TYPE_CHECKING:
         SettingRange,
         SettingsTolerance,
     )
-    from solver.tuning.demands import DemandOutcome, Demands
+    from solver.tuning.demands import DemandOutcome, Demands, IntegrityDemand
     from solver.tuning.record import (
         Comparison,
         LocalOptimum,
@@ -169,6 +169,7 @@ __all__ = [
     "Identification",
     "InfeasibleError",
     "Integrity",
+    "IntegrityDemand",
     "Interaction",
     "InvalidInputError",
     "JobEndedError",
@@ -354,7 +355,7 @@ _HOMES = {
     "solver.tuning.beside": (
         "AsFound PriceOfResolution SettingMove SettingRange SettingsTolerance"
     ),
-    "solver.tuning.demands": "DemandOutcome Demands",
+    "solver.tuning.demands": "DemandOutcome Demands IntegrityDemand",
     "solver.tuning.scenarios": "Scenario",
     "solver.tuning.spread": "Spread SpreadOutcome",
     "solver.tuning.record": (

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
 
 import solver.tuning.demands
 from service.schemas.fields import RequestModel, ResultModel
 from solver.model.transfer_function import LARGEST
+from solver.tuning.demands import IntegrityDemand
 
 __all__ = ["DemandOutcome", "Demands"]
 
@@ -42,10 +43,20 @@ class Demands(RequestModel):
         examples=[1.8],
     )
 
+    integrity: Literal["none", "stable", "robustly_stable"] = Field(
+        default="none",
+        description="What holds for every set of loops in service, the others being in manual: "
+        "stability, or robust stability.",
+        examples=["none"],
+    )
+
     def build(self) -> solver.tuning.demands.Demands:
         """Return the solver's demands."""
         return solver.tuning.demands.Demands(
-            self.max_controller_gain, self.max_load_error, self.max_sensitivity_alone
+            self.max_controller_gain,
+            self.max_load_error,
+            self.max_sensitivity_alone,
+            IntegrityDemand(self.integrity),
         )
 
 

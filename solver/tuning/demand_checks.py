@@ -16,7 +16,8 @@ import numpy as np
 
 from solver.model.controllers import DERIVATIVE_FILTER
 from solver.robustness.margins import loop_margins
-from solver.tuning.demands import DemandOutcome
+from solver.tuning.demands import DemandOutcome, IntegrityDemand
+from solver.tuning.service_sets import integrity_value
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 
     from solver.model.controllers import Controller
     from solver.model.plants import Plant
+    from solver.model.weights import Uncertainty
     from solver.tuning.demands import Demands
     from solver.tuning.specification import ControllerKind
 
@@ -36,9 +38,15 @@ NEAR = 5e-3  # relative distance from its limit at which a demand binds
 
 
 def outcomes(
-    demands: Demands, plants: Sequence[Plant], loops: Sequence[Controller]
+    demands: Demands,
+    plants: Sequence[Plant],
+    loops: Sequence[Controller],
+    uncertainties: Sequence[Uncertainty] = (),
 ) -> tuple[DemandOutcome, ...]:
-    """Return what given loops make of the demands on all `plants`, every value computed anew."""
+    """Return what given loops make of the demands on all `plants`, every value computed anew.
+
+    `uncertainties`: that of each plant, for the demand on integrity.
+    """
     values = {
         "max_controller_gain": lambda: max(_noise_gain(loop) for loop in loops),
         "max_load_error": lambda: max(_load_error(loop) for loop in loops),
@@ -46,6 +54,17 @@ def outcomes(
     }
     found = []
     for name in demands.names:
+        if name == "integrity":
+            robust = demands.integrity is IntegrityDemand.ROBUSTLY_STABLE
+            value = max(
+                integrity_value(plant, uncertainty, loops, robust=robust)
+                for plant, uncertainty in zip(plants, uncertainties, strict=True)
+            )
+            limit = 1.0 if robust else 0.0
+            met = value <= limit * (1 + ROUNDING)
+            binds = robust and met and value >= limit * (1 - NEAR)
+            found.append(DemandOutcome(name, limit, value, met, binds))
+            continue
         limit, value = float(getattr(demands, name)), values[name]()
         met = value <= limit * (1 + ROUNDING)
         found.append(DemandOutcome(name, limit, value, met, met and value >= limit * (1 - NEAR)))

@@ -3,12 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import StrEnum
 
 from solver.model.errors import InvalidInputError
 from solver.model.transfer_function import LARGEST
-from solver.model.validation import real, settle
+from solver.model.validation import choice, real, settle
 
-__all__ = ["NO_DEMANDS", "DemandOutcome", "Demands"]
+__all__ = ["NO_DEMANDS", "DemandOutcome", "Demands", "IntegrityDemand"]
+
+
+class IntegrityDemand(StrEnum):
+    """What is asked of every set of loops in service, the others being in manual.
+
+    NONE: nothing. STABLE: nominal stability. ROBUSTLY_STABLE: for every plant of the uncertainty.
+    """
+
+    NONE = "none"
+    STABLE = "stable"
+    ROBUSTLY_STABLE = "robustly_stable"
 
 
 @dataclass(frozen=True)
@@ -24,15 +36,21 @@ class Demands:
         times output unit, per input unit.
     max_sensitivity_alone : float or None
         Greatest permitted peak of the sensitivity of each loop alone, > 1.
+    integrity : IntegrityDemand or str
+        What holds for every set of loops in service.
 
     """
 
     max_controller_gain: float | None = None
     max_load_error: float | None = None
     max_sensitivity_alone: float | None = None
+    integrity: IntegrityDemand = IntegrityDemand.NONE
 
     def __post_init__(self) -> None:
+        settle(self, integrity=choice(IntegrityDemand, self.integrity, "/integrity"))
         for name in self.names:
+            if name == "integrity":
+                continue
             value = real(getattr(self, name), f"/{name}")
             settle(self, **{name: value})
             least = 1 if name == "max_sensitivity_alone" else 0
@@ -44,7 +62,10 @@ class Demands:
     def names(self) -> tuple[str, ...]:
         """Names of what is asked for."""
         every = ("max_controller_gain", "max_load_error", "max_sensitivity_alone")
-        return tuple(name for name in every if getattr(self, name) is not None)
+        asked = [name for name in every if getattr(self, name) is not None]
+        if self.integrity is not IntegrityDemand.NONE:
+            asked.append("integrity")
+        return tuple(asked)
 
 
 NO_DEMANDS = Demands()
@@ -59,7 +80,9 @@ class DemandOutcome:
     name : str
         Which one: a field of `Demands`.
     limit, value : float
-        What was asked for, and what the worst loop has: infinite where one is unstable alone.
+        What was asked for, and what the worst loop has: infinite where one is unstable alone. Of
+        integrity: 0 and the number of kinds of unstable sets, or 1 and the greatest mu of robust
+        stability.
     met, active : bool
         Whether the value is within the limit, and whether it is at it, so that the demand binds.
 

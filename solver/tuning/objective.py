@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from solver.model.weights import Uncertainty
     from solver.tuning.alone import LoopsAlone
     from solver.tuning.goals import Goal
+    from solver.tuning.service_sets import ServiceSets
 
 MISSED = 1e-5  # of log |1 + g c|^2: far less than the margin that the demand keeps
 FORBIDDEN = -50.0  # stands for a level of minus infinity where a curve is refined
@@ -132,6 +133,8 @@ class LoopObjective:
         Price in s of a missing level.
     alone : LoopsAlone or None
         The loops alone, where their sensitivity is limited.
+    service : ServiceSets or None
+        Sets of loops in service, where integrity is asked for.
 
     """
 
@@ -145,6 +148,7 @@ class LoopObjective:
     followed: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
     penalty: float = PENALTY
     alone: LoopsAlone | None = None
+    service: ServiceSets | None = None
 
     @property
     def per_controller(self) -> int:
@@ -214,18 +218,23 @@ class LoopObjective:
         on_grid = det[: self.omega.size]
         stable = winds_as_stable(on_grid, self.omega)
         stable = stable and (self._restless or ends_at_rest(on_grid))
-        if self.alone is not None:
-            own, own_gradient, sound = self.alone.levels(theta, self.signs, lead=self._lead)
+        limits: tuple[LoopsAlone | ServiceSets | None, ...] = (self.alone, self.service)
+        for beside in limits:
+            if beside is None:
+                continue
+            own, own_gradient, sound = beside.levels(theta, self.signs, lead=self._lead)
             stable = stable and sound
-            if float(own.min()) < self.alone.demand - MISSED:
+            if not own.size:
+                continue
+            if float(own.min()) < beside.demand - MISSED:
                 value = math.inf
             # After the grid; the peaks stay last.
             place = self.omega.size
             level = np.insert(level, place, own)
             gradient = np.insert(gradient, place, own_gradient, axis=0)
-            demand = np.insert(demand, place, np.full(own.size, self.alone.demand))
+            demand = np.insert(demand, place, np.full(own.size, beside.demand))
             slope = np.insert(slope, place, np.zeros(own.size))
-            missing = max(missing, self.alone.demand - float(own.min()))
+            missing = max(missing, beside.demand - float(own.min()))
         merit = s + self.penalty * missing
         if not stable:
             value = merit = math.inf

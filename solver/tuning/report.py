@@ -87,7 +87,9 @@ def report(
         if found is None:
             return infeasible(specification, search.groups, clock, too_coarse(end), None)
         end, price = found
-    demands = outcomes(specification.demands, specification.plants, end.loops)
+    demands = outcomes(
+        specification.demands, specification.plants, end.loops, specification.uncertainties
+    )
     unmet = [each for each in demands if not each.met]
     if unmet:
         reason = f"none were found that keep {unmet[0].name} on the whole frequency axis"

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from solver.model.errors import InvalidInputError
 from solver.model.frequencies import corners, grid, resonances
 from solver.model.peaks import Peak
 from solver.model.transfer_function import LARGEST
@@ -25,10 +26,13 @@ from solver.stability.closed_loop import unstable_poles
 from solver.tuning.alone import LoopsAlone
 from solver.tuning.bounds import gain_signs, search_region
 from solver.tuning.demand_checks import outcomes, planes
+from solver.tuning.demands import IntegrityDemand
 from solver.tuning.exact import WEAKEST, Candidate, ExactDescent
 from solver.tuning.goals import MuGoal, TauGoal
 from solver.tuning.objective import Evaluation, LoopObjective
 from solver.tuning.phases import Phases
+from solver.tuning.scenarios import Scenario, cases_of
+from solver.tuning.service_sets import ServiceSets
 from solver.tuning.specification import ControllerKind, Objective, Specification
 from solver.tuning.spread import SpreadOutcome, lattice, refined
 from solver.tuning.together import Together
@@ -167,6 +171,12 @@ class GroupingSearch:
         # Of the same plant with loops in manual each loop alone is the same.
         if most is not None and (case.scenarios[0] == 0 or case.plant.n == task.plant.n):
             alone = LoopsAlone.of(plant, blocks.groups, most)
+        service, integrity = None, task.demands.integrity
+        if integrity is not IntegrityDemand.NONE and (
+            case.scenarios[0] == 0 or (case.plant.n == task.plant.n and case.plant in task.plants)
+        ):
+            robust = integrity is IntegrityDemand.ROBUSTLY_STABLE
+            service = ServiceSets.of(self._sets_in_service(case), robust=robust)
         return LoopObjective(
             blocks,
             case.uncertainty,
@@ -176,7 +186,15 @@ class GroupingSearch:
             omega,
             ROUGH_NU,
             alone=alone,
+            service=service,
         )
+
+    def _sets_in_service(self, case: Case) -> tuple[Case, ...]:
+        every = Scenario("every set", any_in_service=tuple(range(1, case.plant.n + 1)))
+        try:
+            return cases_of([every], case.plant, case.uncertainty, case.performance, self.groups)
+        except InvalidInputError as error:
+            raise InvalidInputError(error.message, "/demands/integrity") from None
 
     def worst_of_spread(self, candidate: Candidate) -> tuple[Case, SpreadOutcome, float] | None:
         """Return the worst plant found in the boxes of the cases in sight, and its exact s.
@@ -194,7 +212,9 @@ class GroupingSearch:
             if number in case.scenarios or not axes:
                 continue
             omega = np.unique(np.concatenate([part.omega, *candidate.peaks]))
-            fixed = replace(part, omega=omega, followed=np.empty(0), nu=FINE, alone=None)
+            fixed = replace(
+                part, omega=omega, followed=np.empty(0), nu=FINE, alone=None, service=None
+            )
 
             def value(
                 deviation: Deviation, case: Case = case, fixed: LoopObjective = fixed
@@ -455,7 +475,12 @@ class GroupingSearch:
             return False
         return all(
             each.met
-            for each in outcomes(self.specification.demands, self.specification.plants, loops)
+            for each in outcomes(
+                self.specification.demands,
+                self.specification.plants,
+                loops,
+                self.specification.uncertainties,
+            )
         )
 
     def loops(self, theta: NDArray[np.float64]) -> tuple[Controller, ...]:

@@ -308,6 +308,12 @@ class Specification:
                 message = "this is for one plant: leave it out, or the scenarios and the spread"
                 raise InvalidInputError(message, field)
 
+    @property
+    def uncertainties(self) -> tuple[Uncertainty, ...]:
+        """The uncertainty of each of the `plants`."""
+        own = (each for each in self.scenarios if each.plant is not None)
+        return (self.uncertainty, *(each.uncertainty or self.uncertainty for each in own))
+
     def _settle(self) -> None:
         instance(self.plant, Plant, "/plant")
         require_fit(self.plant, self.uncertainty, self.performance)

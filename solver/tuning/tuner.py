@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from solver.model.controllers import Controller
+    from solver.tuning.demands import DemandOutcome
     from solver.tuning.groupings import Groups
     from solver.tuning.record import Progress, Tuning
 
@@ -156,13 +157,17 @@ def _with_the_demand_named(specification: Specification, found: Tuning) -> Tunin
         return found
     broken = [
         each
-        for each in outcomes(specification.demands, specification.plants, free.loops)
+        for each in outcomes(
+            specification.demands, specification.plants, free.loops, specification.uncertainties
+        )
         if not each.met
     ]
     if not broken:
         return found
     relaxed = " and ".join(
-        f"{each.name} {each.limit:g} relaxed to {each.value:.4g}"
+        _without_integrity(each)
+        if each.name == "integrity"
+        else f"{each.name} {each.limit:g} relaxed to {each.value:.4g}"
         if math.isfinite(each.value)
         else f"no {each.name} (a loop is unstable alone then)"
         for each in broken
@@ -188,6 +193,13 @@ def _forbidden(specification: Specification) -> Impossibility | None:
             name = listed[number].name if number < len(listed) else SPREAD
             found = replace(own, reason=f"scenario {name!r}: {own.reason}")
     return found
+
+
+def _without_integrity(outcome: DemandOutcome) -> str:
+    """Say what settings that disregard integrity make of it."""
+    if outcome.limit == 0 or math.isinf(outcome.value):
+        return "no integrity (some sets of loops in service are unstable then)"
+    return f"no robust stability of every set (mu up to {outcome.value:.4g} then)"
 
 
 class _Run:

@@ -34,7 +34,7 @@ _MODULES = {
         "AsFound", "PriceOfResolution", "SettingMove", "SettingRange", "SettingsTolerance",
     ),
     "solver.tuning.resolution": ("Resolution",),
-    "solver.tuning.demands": ("DemandOutcome", "Demands"),
+    "solver.tuning.demands": ("DemandOutcome", "Demands", "IntegrityDemand"),
     "solver.tuning.record": (
         "Comparison", "LocalOptimum", "ScenarioOutcome", "SearchSummary", "Status", "Tuning",
     ),
