@@ -101,7 +101,9 @@ def _scenarios(result: TuningResult) -> list[Part]:
     """Return what the settings make of further plants."""
     parts: list[Part] = [scenarios_grid(result)] if result.scenarios else []
     if result.spread is not None:
-        errors = ", ".join(f"{name} {100 * error:+.3g} %" for name, error in result.spread.worst)
+        errors = ", ".join(
+            f"{name} {100 * error:+.3g} %" for name, error in result.spread.worst.items()
+        )
         parts.append(
             Line(f"Spread: worst of {result.spread.plants} plants beside the corners: {errors}.")
         )

@@ -102,9 +102,9 @@ class SpreadOutcome(ResultModel):
         description="Plants looked at beside the corners, for the settings of the result.",
         examples=[71],
     )
-    worst: list[tuple[str, float]] = Field(
+    worst: dict[str, float] = Field(
         description="Relative deviation of each parameter in the worst plant.",
-        examples=[[("interaction", 0.02)]],
+        examples=[{"interaction": 0.02}],
     )
     tau_p: float | None = Field(
         description="Least time constant that the settings permit there; null where it was given.",

@@ -460,6 +460,8 @@ def tuning_to_json(tuning: Tuning) -> dict[str, Any]:
     """Return the result as the JSON object that `TuningResult` describes."""
     document: dict[str, Any] = encode(tuning)
     document["demand_met"] = tuning.demand_met
+    if tuning.spread is not None:
+        document["spread"]["worst"] = dict(tuning.spread.worst)
     document["search"]["local_optima"] = [
         _optimum_to_json(optimum) for optimum in tuning.search.local_optima
     ]

@@ -11,7 +11,7 @@ from samples import TUNING, altered
 
 from service.cli.tables import tuning_table
 from service.figures.frequency import tuned_mu
-from service.printing import Grid
+from service.printing import Grid, Line
 from service.schemas import TuningRequest, parse
 from service.schemas.parsing import RequestError
 from service.tuned import RequestedTuning
@@ -55,6 +55,24 @@ def test_a_file_holds_the_scenarios() -> None:
     task = parse(TuningRequest, json.dumps(request)).build()
     found = Tuned(task, tune(task))
     assert read(write(found)) == found
+
+
+def test_a_spread_tells_its_worst_plant() -> None:
+    """Over HTTP schemas, in the table, and in a file."""
+    request = altered(TUNING, "/spread", {"interaction": 0.01, "gain": 0.05})
+    request["controller"] = {"kind": "PI", "arrangement": "identical"}
+    found = tuned(request)
+    assert found.result.spread is not None
+    assert set(found.result.spread.worst) == {"gain", "interaction"}
+    assert found.result.spread.plants > 169
+    assert found.result.active == "spread"
+    assert found.result.guarantee is not None
+    assert found.result.guarantee.status == "open"
+    lines = [part.text for part in tuning_table(found.result) if isinstance(part, Line)]
+    assert any(text.startswith("Spread: worst of") for text in lines)
+    task = found.request.build()
+    result = Tuned(task, tune(task))
+    assert read(write(result)) == result
 
 
 @pytest.mark.parametrize(
