@@ -4,28 +4,106 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from solver.model.errors import InvalidInputError
+from solver.model.plants import MAX_MATRIX_SIZE
+from solver.model.subsystems import subsystem
+from solver.simulation.experiment import Experiment, Step, StepKind
+from solver.simulation.loops import Loop
+from solver.simulation.step_response import step_response
+from solver.stability.closed_loop import is_stable
 from solver.tuning.specification import Objective
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from solver.tuning.beside import AsFound, SettingsTolerance
-    from solver.tuning.record import Tuning
+    from solver.tuning.record import Comparison, Tuning
     from solver.tuning.specification import Specification
 
 __all__ = ["plain_advice"]
 
+WORTH_IT = 1.0  # per cent that unlike settings must gain to be worth the name
+CHIEFLY = 0.6  # share of the weakest direction in one output
+APART = 1.02  # ratio of the two weakest directions from which they are two
+OVERSHOOTS = 0.25
+MOST_ALONE = 4  # different loops that are looked at alone
+ALONE_SHOWN = 3.0  # times tau_P: an overshoot comes early
 LOWER_HURTS = 1e-3  # of mu above 1, from which lower gains are said not to be safer
 
 
 def plain_advice(specification: Specification, tuning: Tuning) -> tuple[str, ...]:
     """Return what the numbers of a result mean for whoever uses the settings."""
     found: list[str] = []
+    if tuning.comparison is not None and tuning.comparison.gain_percent < WORTH_IT:
+        found += _identical_suffice(tuning, tuning.comparison)
+    if tuning.peaks is not None:
+        found += _limited_by(specification, tuning, tuning.peaks.robust_performance.omega)
+    found += _alone(specification, tuning)
     if tuning.as_found is not None:
         found += _beside_today(specification, tuning, tuning.as_found)
     if tuning.settings_tolerance is not None and tuning.demand_met:
         found += _lower_gains(tuning.settings_tolerance)
     return tuple(found)
+
+
+def _identical_suffice(tuning: Tuning, comparison: Comparison) -> Iterator[str]:
+    """Say that the same settings on every unit are as good."""
+    if len(tuning.groups) == 1:
+        return
+    yield (
+        f"Identical settings suffice: unlike ones gain {max(comparison.gain_percent, 0.0):.2g} % "
+        f"over {comparison.identical_value:.4g}."
+    )
+
+
+def _limited_by(specification: Specification, tuning: Tuning, omega: float) -> Iterator[str]:
+    """Say which unit's output is the weak direction of S where mu is highest."""
+    plant = specification.plant
+    if not 1 < plant.n <= MAX_MATRIX_SIZE or len(tuning.loops) != plant.n:
+        return
+    at = np.array([omega])
+    G = plant.response(at)[0]
+    c = np.array([loop.response(at)[0] for loop in tuning.loops])
+    e = np.array(specification.performance.output_scale or (1.0,) * plant.n)
+    S = np.linalg.inv(np.eye(plant.n) + G * c) * (e / e[:, None])
+    directions, sizes, _ = np.linalg.svd(S)
+    share = np.abs(directions[:, 0]) ** 2
+    unit = int(share.argmax())
+    # Among like directions the weakest is none of them in particular.
+    if share[unit] >= CHIEFLY and sizes[0] >= APART * sizes[1]:
+        name = "tau_P" if specification.objective is Objective.TAU_P else "mu"
+        yield f"{name} is limited by unit {unit + 1} at {omega:.3g} rad per time unit."
+
+
+def _alone(specification: Specification, tuning: Tuning) -> Iterator[str]:
+    """Say which loops overshoot much when all others are in manual."""
+    plant, tau_p = specification.plant, tuning.tau_p
+    if plant.n == 1 or tau_p is None or len(tuning.groups) > MOST_ALONE:
+        return
+    for group in tuning.groups:
+        part, loops = subsystem(plant, tuning.loops, group[:1])
+        if not is_stable(part, loops):
+            continue  # the line on integrity says so
+        step = Step(StepKind.SETPOINT, 0, 0.0, 1.0)
+        closed = (Loop.of(loops[0]),)
+        try:
+            response = step_response(Experiment(part, closed, (step,), ALONE_SHOWN * tau_p))
+        except InvalidInputError:  # no simulation holds the plant
+            continue
+        change = response.responses[0].metrics.set_point
+        if change is None or not change.overshoot > OVERSHOOTS:
+            continue
+        percent = f"{100 * change.overshoot:.0f} %"
+        if plant.n == 2:
+            here, other = group[0] + 1, 2 - group[0]
+            yield (
+                f"With loop {other} in manual put loop {here} in manual too: alone it overshoots "
+                f"a set-point step by {percent}."
+            )
+        else:
+            yield f"Alone in service loop {group[0] + 1} overshoots a set-point step by {percent}."
 
 
 def _beside_today(specification: Specification, tuning: Tuning, today: AsFound) -> Iterator[str]:

@@ -1,0 +1,62 @@
+"""Sentences made from the numbers of a result."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from solver.model.plants import MatrixPlant, first_order
+from solver.model.transfer_function import TransferFunction
+from solver.model.weights import Performance, Uncertainty
+from solver.tuning.specification import Arrangement, Specification
+from solver.tuning.tuner import tune
+
+TASK = Specification(first_order(2, 1, 100, 0.949), Uncertainty.from_error(0.2, 1), Performance())
+
+
+def said(task: Specification, words: str) -> list[str]:
+    """Return the sentences of a result that hold these words."""
+    return [sentence for sentence in tune(task).advice if words in sentence]
+
+
+def test_loop_that_overshoots_alone_is_named() -> None:
+    """The optimum's second loop, in service alone, overshoots by some 40 per cent (SLH fig. 6)."""
+    (sentence,) = said(TASK, "in manual")
+    assert sentence.startswith("With loop 1 in manual put loop 2 in manual too")
+    percent = int(sentence.rsplit(" by ", 1)[1].removesuffix(" %."))
+    assert percent == pytest.approx(40, abs=2)
+
+
+def test_calm_loops_are_not_named() -> None:
+    """Identical settings of the same plant overshoot little alone."""
+    assert not said(replace(TASK, arrangement=Arrangement.IDENTICAL), "in manual")
+
+
+def test_identical_settings_suffice_where_unlike_ones_gain_nothing() -> None:
+    """Three units with a positive interaction gain nothing from unlike settings."""
+    assert said(replace(TASK, plant=first_order(3, 1, 100, 0.8)), "Identical settings suffice")
+    assert not said(TASK, "Identical settings suffice")
+
+
+def test_unit_that_limits_is_the_slow_one() -> None:
+    """Of two units that hardly interact the one with the long dead time limits tau_P."""
+    rows = [
+        [TransferFunction([1], [10, 1], 1), TransferFunction([0.01], [10, 1])],
+        [TransferFunction([0.01], [10, 1]), TransferFunction([1], [10, 1], 8)],
+    ]
+    (sentence,) = said(replace(TASK, plant=MatrixPlant(rows)), "is limited by")
+    assert "unit 2" in sentence
+
+
+def test_no_unit_is_named_where_all_are_alike() -> None:
+    """Identical loops of identical units have no weakest unit."""
+    task = replace(TASK, plant=first_order(3, 1, 100, 0.8), arrangement=Arrangement.IDENTICAL)
+    assert not said(task, "is limited by")
+
+
+def test_one_unit_and_many_units_have_advice_too() -> None:
+    """One unit, and 300 identical ones, end without an error and without nonsense."""
+    for n, a in ((1, 0.0), (300, 0.5)):
+        task = replace(TASK, plant=first_order(n, 1, 100, a), arrangement=Arrangement.IDENTICAL)
+        assert not said(task, "is limited by")
