@@ -75,7 +75,7 @@ def _rows(
         for set_point, load in zip(set_points, loads, strict=True):
             if name != FOUND and name not in set_point.others:
                 continue  # as on the loop before
-            alike = name == IDENTICAL and robustness.margins[0].units == tuple(range(tuned.plant.n))
+            alike = name != FOUND and robustness.margins[0].units == tuple(range(tuned.plant.n))
             first, second = _of(set_point, name), _of(load, name)
             margins = _margins(robustness, set_point.units[0], alone=tuned.plant.n == 1)
             yield Behaviour.model_validate(

@@ -371,20 +371,12 @@ def _rounded(loop: Controller, digits: int) -> Controller:
 
 
 def _as_found(tuned: RequestedTuning) -> Iterator[Said]:
-    """Say what today's settings do under the same demand."""
+    """Doubt a model on which today's settings, which run, are unstable."""
     found = tuned.result.as_found
-    if found is None:
-        return
-    if not found.nominally_stable:
-        yield Said("note", "warning", "As found the loops are unstable on this model: is it right?")
-    elif found.peaks is not None:
-        text = (
-            f"As found μ reaches {number(found.peaks.robust_performance.value)} under this demand"
+    if found is not None and not found.nominally_stable:
+        yield Said(
+            "model", "warning", "As found the loops are unstable on this model: is it right?"
         )
-        if found.tau_p is not None:
-            text += f"; today's settings would keep it at τP = {number(found.tau_p)} "
-            text += tuned.unit
-        yield Said("note", "note", f"{text}.")
 
 
 def _identical(tuned: RequestedTuning) -> Iterator[Said]:

@@ -175,6 +175,21 @@ def test_the_document_is_as_described() -> None:
     assert (none.behaviour, none.risks, none.figures) == ((), (), {})
 
 
+def test_todays_settings_stand_beside_those_found() -> None:
+    """Settings as found have their row, their curve and, where they do not work, a warning."""
+    today = [{"gain": 20, "integral_time": 100, "derivative_time": None}] * 2
+    made = loop_sheet(tuned("parallel_reactors", changed(as_found=today)))
+    rows = [row for row in made.behaviour if row.settings == "as found"]
+    assert [row.loop for row in rows] == ["all loops"]
+    assert rows[0].input_peak == pytest.approx(20)
+    assert "as found" in {trace.name for trace in made.figures["load"].data}
+    wild = [{"gain": -20, "integral_time": 100, "derivative_time": None}] * 2
+    made = loop_sheet(tuned("parallel_reactors", changed(as_found=wild)))
+    rows = [row for row in made.behaviour if row.settings == "as found"]
+    assert not any(row.stable for row in rows)
+    assert any("is it right?" in risk.text for risk in made.risks)
+
+
 def test_a_short_dead_time_is_simulated_within_reason() -> None:
     """Where steps as short as a dead time were too many the figures say so; the rest is there."""
     plant = {
