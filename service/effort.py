@@ -17,13 +17,15 @@ from solver.model.controllers import Controller
 from solver.model.plants import Plant
 from solver.model.weights import Performance, Uncertainty
 
-__all__ = ["Effort", "different_loops", "of_different_loops", "refuse"]
+__all__ = ["Effort", "different_loops", "of_different_loops", "of_readings", "refuse"]
 
 _LIBRARIES = 300e6  # bytes of a process before it computes
 # Measured: 40 different loops take 7 s, 60 take 22 s, 80 take 51 s: the cube of their number, from
 # the matrices of N_RP and their eigenvalues. 40 take 421 MB, 60 take 579 MB, 80 take 694 MB.
 _SECONDS = 1e-4
 _BYTES = 77e3
+# Records of noise, of which nothing can be told, take twice as long as this.
+_SECONDS_A_READING = 2e-4
 _BUSY = 1.5  # time on a machine that has something else to do as well
 
 
@@ -77,6 +79,23 @@ def of_different_loops(count: int) -> Effort:
         _LIBRARIES + _BYTES * count**2,
         f"{count} loops that differ",
         "/loops",
+        reduce,
+    )
+
+
+def of_readings(readings: int, elements: int) -> Effort:
+    """Return what it costs to identify so many elements from so many readings of each signal."""
+
+    def reduce(seconds: float, memory: float) -> str:
+        del memory
+        most = int(seconds / (_SECONDS_A_READING * elements))
+        return f"send fewer readings, every second or tenth of them: at most {most} here"
+
+    return Effort(
+        _SECONDS_A_READING * readings * elements,
+        _LIBRARIES,
+        f"{readings} readings for {elements} elements",
+        "/records",
         reduce,
     )
 

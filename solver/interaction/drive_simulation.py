@@ -13,7 +13,7 @@ from dataclasses import KW_ONLY, dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import expm
+import scipy
 
 from solver.interaction.parallel_drives import ParallelDrives, mended_model, original_model
 from solver.model.errors import InvalidInputError
@@ -203,7 +203,7 @@ def _simulate(model: DriveModel, experiment: DriveExperiment) -> DriveResponse:
         block = np.zeros((states + inputs, states + inputs))
         block[:states] = np.hstack([model.A, model.B]) * ((end - start) / steps)
         with np.errstate(over="ignore", invalid="ignore"):  # a loop that explodes within a step
-            advance = expm(block)[:states]
+            advance = scipy.linalg.expm(block)[:states]
         for index in range(steps + 1):
             if index:
                 with np.errstate(over="ignore", invalid="ignore"):

@@ -15,7 +15,7 @@ from enum import StrEnum
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import matrix_balance
+import scipy
 
 from solver.model.validation import square_matrix
 from solver.stability.singular import is_singular
@@ -210,7 +210,9 @@ def _diagonal_proof(positive: NDArray[np.float64]) -> NDArray[np.float64] | None
     # Units of outputs and inputs only move D: with rows over their diagonal and then a similarity,
     # positive = Lambda T G T^-1, D serves `positive` where T^2 Lambda D serves G.
     own = np.diag(positive)
-    G, (unit, _) = matrix_balance(positive / own[:, None], permute=False, separate=True)
+    G, (unit, _) = scipy.linalg.matrix_balance(
+        positive / own[:, None], permute=False, separate=True
+    )
     G = G / np.linalg.norm(G, 2)
     d = np.full(n, 1.0 / n)
     cuts: list[NDArray[np.float64]] = []

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
+import scipy
 
 from solver.interaction.integral_controllability import (
     ControllabilityVerdict,
@@ -347,7 +347,7 @@ def _assignments(cost: NDArray[np.float64]) -> Iterator[tuple[int, ...]]:
     barred = n * 1e6  # above any sum of costs
 
     def solve(banned: NDArray[np.bool_]) -> tuple[float, tuple[int, ...]]:
-        rows, columns = linear_sum_assignment(np.where(banned, barred, cost))
+        rows, columns = scipy.optimize.linear_sum_assignment(np.where(banned, barred, cost))
         total = float(np.where(banned, barred, cost)[rows, columns].sum())
         return total, tuple(int(c) for c in columns)
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import null_space
+import scipy
 
 from solver.model.equality import ByValue
 from solver.model.errors import InvalidInputError, UnsupportedPlantError
@@ -303,7 +303,7 @@ def _rank(matrix: NDArray[np.float64]) -> int:
 
 def _effort_drifts(model: DriveModel) -> NDArray[np.float64]:
     """Return the efforts of the unobservable modes at s = 0, orthonormal rows."""
-    hidden = null_space(np.vstack([model.A, model.C[:1]]), rcond=_RANK_TOLERANCE)
+    hidden = scipy.linalg.null_space(np.vstack([model.A, model.C[:1]]), rcond=_RANK_TOLERANCE)
     if hidden.shape[1] == 0:
         return np.zeros((0, len(model.C) - 1))
     basis, _ = np.linalg.qr(model.C[1:] @ hidden)

@@ -11,7 +11,7 @@ from enum import StrEnum
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
+import scipy
 
 from solver.interaction.parallel_matrix import ParallelMatrix
 from solver.model.errors import InvalidInputError
@@ -201,7 +201,7 @@ def _dual_powers(
     # An absent element is worse than any transversal of present ones.
     absent = 1 + 2 * n * int(np.max(np.abs(orders))) + n
     cost = np.where(present, orders, absent)
-    row_index, column_of = linear_sum_assignment(cost)
+    row_index, column_of = scipy.optimize.linear_sum_assignment(cost)
     columns = np.zeros(n, dtype=np.int64)
     # Bellman-Ford on the exchange graph: n rounds suffice, a cheapest transversal has no
     # negative cycle.

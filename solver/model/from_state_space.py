@@ -12,7 +12,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import eigvals, matrix_balance
+import scipy
 
 from solver.model.errors import InvalidInputError, UnsupportedPlantError
 from solver.model.plants import MAX_MATRIX_SIZE, MatrixPlant, ParallelPlant, Plant
@@ -124,7 +124,7 @@ def _poles(system: StateSpace) -> NDArray[np.complex128]:
     """Return the eigenvalues of A, those at zero exactly so."""
     if not system.states:
         return np.zeros(0, dtype=complex)
-    balanced, _ = matrix_balance(system.A)
+    balanced, _ = scipy.linalg.matrix_balance(system.A)
     poles = np.linalg.eigvals(balanced).astype(complex)
     poles[np.abs(poles) <= AT_ZERO * np.abs(poles).max(initial=0.0)] = 0
     unstable = poles[(poles != 0) & (poles.real > -SAME * np.abs(poles))]
@@ -177,7 +177,7 @@ def _zeros(
     """Return the finite zeros of one element."""
     r = system.states
     # Balancing A by a diagonal transformation leaves the element as it is.
-    balanced, transform = matrix_balance(system.A, permute=False)
+    balanced, transform = scipy.linalg.matrix_balance(system.A, permute=False)
     scale = np.diag(transform)
     pencil = np.zeros((r + 1, r + 1))
     pencil[:r, :r] = balanced
@@ -186,7 +186,7 @@ def _zeros(
     pencil[r, r] = system.D[row, column]
     E = np.diag([*np.ones(r), 0.0])
     with np.errstate(all="ignore"):
-        found = np.asarray(eigvals(pencil, E))
+        found = np.asarray(scipy.linalg.eigvals(pencil, E))
     largest = max(float(np.abs(poles).max()), float(np.abs(balanced).max()))
     finite = found[np.isfinite(found) & (np.abs(found) < INFINITE * largest)]
     finite[np.abs(finite) <= AT_ZERO * largest] = 0

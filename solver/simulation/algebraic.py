@@ -11,8 +11,7 @@ from graphlib import TopologicalSorter
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import matrix_balance
-from scipy.sparse.csgraph import connected_components
+import scipy
 
 from solver.model.errors import InvalidInputError
 
@@ -56,7 +55,9 @@ def solve_signals(gains: NDArray[np.float64], given: NDArray[np.float64]) -> NDA
 
 def _in_order(gains: NDArray[np.float64]) -> list[NDArray[np.intp]]:
     """Return the sets of signals that act on each other, causes before effects."""
-    count, label = connected_components(gains != 0, directed=True, connection="strong")
+    count, label = scipy.sparse.csgraph.connected_components(
+        gains != 0, directed=True, connection="strong"
+    )
     sorter: TopologicalSorter[int] = TopologicalSorter({part: set() for part in range(count)})
     for target, source in zip(*np.nonzero(gains), strict=True):
         if label[target] != label[source]:
@@ -68,7 +69,7 @@ def _solve_loop(own: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray
     """Solve (I - own) X = right for signals that all act on each other."""
     # The units of the signals are a similarity; balancing finds one that leaves what is around
     # the loop. Powers of two, so it rounds nothing.
-    balanced, (unit, _) = matrix_balance(own, permute=False, separate=True)
+    balanced, (unit, _) = scipy.linalg.matrix_balance(own, permute=False, separate=True)
     loop = np.eye(len(own)) - balanced
     if np.linalg.cond(loop) > _NOTHING_BUT_ROUNDING:
         message = "the loop has no solution: a path without dynamics has a loop gain of exactly one"

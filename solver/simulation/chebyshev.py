@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import brentq
+import scipy
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -113,7 +113,9 @@ def first_root(values: NDArray[np.float64], tolerance: float) -> float | None:
     if below.size == 0:
         return 0.0
     bracket = _FINE_PLACES[below[-1]], _FINE_PLACES[below[-1] + 1]
-    return float(brentq(lambda tau: float((evaluation_matrix(tau) @ values)[0]), *bracket))
+    return float(
+        scipy.optimize.brentq(lambda tau: float((evaluation_matrix(tau) @ values)[0]), *bracket)
+    )
 
 
 def roots(values: NDArray[np.float64]) -> NDArray[np.float64]:

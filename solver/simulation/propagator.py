@@ -12,8 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import expm, matrix_balance
-from scipy.sparse.csgraph import connected_components
+import scipy
 
 from solver.model.errors import InvalidInputError
 from solver.simulation.chebyshev import DEGREE, DIFFERENTIATION, NODES
@@ -181,7 +180,9 @@ class Propagator:
             # An unstable process may overflow in a step far too long: the integrator shortens it.
             with np.errstate(over="ignore", invalid="ignore"):
                 scaled = matrix / unit[:, None] * unit
-                exponential = np.stack([expm(place * scaled)[:own] for place in places])
+                exponential = np.stack(
+                    [scipy.linalg.expm(place * scaled)[:own] for place in places]
+                )
                 exponential = exponential * unit[:own, None] / unit
             operator.append(_Part(rows, np.array(columns), exponential))
         return operator
@@ -261,7 +262,7 @@ def natural_units(gains: NDArray[np.float64]) -> NDArray[np.float64]:
         np.round(np.linalg.lstsq(incidence, logs, rcond=None)[0][:-1])
     )
     scaled = gains * unit / unit[:states, None]
-    _, (factors, _) = matrix_balance(scaled[:, :states], permute=False, separate=True)
+    _, (factors, _) = scipy.linalg.matrix_balance(scaled[:, :states], permute=False, separate=True)
     unit[:states] *= factors
     # An input needs no more than to be as strong as the strongest state, or to move it at all.
     strength = np.abs(gains[:, states:] / unit[:states, None]).max(axis=0, initial=0.0)
@@ -279,7 +280,7 @@ def _independent_parts(
     Elements behind different dead times are such parts; one exponential of the whole would cost
     the cube of their number.
     """
-    count, label = connected_components(system.A != 0, directed=False)
+    count, label = scipy.sparse.csgraph.connected_components(system.A != 0, directed=False)
     parts = []
     for part in range(count):
         rows = np.flatnonzero(label == part)

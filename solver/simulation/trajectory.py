@@ -8,7 +8,7 @@ from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import brentq
+import scipy
 
 from solver.simulation.chebyshev import (
     DEGREE,
@@ -192,7 +192,7 @@ class TurningPoints:
         if beyond[0] * beyond[1] >= 0:
             return float(self.time[index])
         values = self.nodes[self.step[index]] - level
-        place = brentq(
+        place = scipy.optimize.brentq(
             lambda place: float((evaluation_matrix(place) @ values)[0]),
             self.place[before],
             self.place[index],

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy.linalg import matrix_balance
+import scipy
 
 from solver.simulation.algebraic import solve_signals
 from solver.simulation.delay_system import DelaySystem
@@ -192,7 +192,9 @@ class Wiring:
         companion[0] = -np.array(den)
         # Powers of two, so balancing rounds nothing; without it the exponentials of a process
         # with widely different time constants lose digits.
-        balanced, (factors, _) = matrix_balance(companion, permute=False, separate=True)
+        balanced, (factors, _) = scipy.linalg.matrix_balance(
+            companion, permute=False, separate=True
+        )
         scale = np.asarray(factors, dtype=np.float64)
         states = tuple(self.state() for _ in den)
         for row, target in enumerate(states):

@@ -8,7 +8,7 @@ import httpx
 import pytest
 from samples import ROBUSTNESS
 
-from service.effort import different_loops, of_different_loops, refuse
+from service.effort import different_loops, of_different_loops, of_readings, refuse
 from service.http.routes import common
 from service.problems import EffortError
 from solver.model.controllers import Controller
@@ -55,6 +55,23 @@ def test_equal_loops_cost_nothing_more() -> None:
     scaled = Performance(tau_p=10.0, output_scale=tuple(range(1, 10_001)))
     with pytest.raises(EffortError, match="10000 loops"):
         refuse(different_loops(plant, loops, uncertainty, scaled), **LIMITS)
+
+
+def test_readings_are_counted_before_the_work(client: httpx.Client) -> None:
+    """Long records of many signals are refused with how long they may be; short ones are not."""
+    count, signals = 2000, [f"{name}{index}" for name in "uy" for index in range(10)]
+    values = [float(reading % 7) for reading in range(count)]
+    record = {
+        "time": [float(reading) for reading in range(count)],
+        "inputs": dict.fromkeys(signals[:10], values),
+        "outputs": dict.fromkeys(signals[10:], values),
+    }
+    problem = client.post("/v1/identifications", json={"records": [record]}).json()
+    assert problem["type"] == "urn:mutune:problem:too-much-work"
+    assert "2000 readings for 100 elements" in problem["detail"]
+    refuse(of_readings(1500, 100), **LIMITS)
+    with pytest.raises(EffortError, match="at most 1500 here"):
+        refuse(of_readings(1501, 100), **LIMITS)
 
 
 def _drives(points: int) -> dict[str, Any]:

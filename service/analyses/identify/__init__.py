@@ -17,6 +17,7 @@ from service.analyses.identify.models import (
 )
 from service.analyses.identify.table import table
 from service.analysis import Analysis, Figures
+from service.effort import Effort, of_readings
 from service.schemas.encoding import encode
 from service.schemas.transfer_functions import function_document, plant_document
 from solver.model.errors import InvalidInputError
@@ -112,6 +113,12 @@ def draw(result: DrawnIdentification, unit: str) -> dict[str, Any]:
     return figures_to_json(identification(result, unit))
 
 
+def _effort(task: IdentificationTask) -> Effort:
+    records = task.used
+    elements = len(records[0].inputs) * len(records[0].outputs)
+    return of_readings(sum(record.time.size for record in records), elements)
+
+
 ANALYSIS = Analysis(
     name="identify",
     resource="identifications",
@@ -122,5 +129,6 @@ ANALYSIS = Analysis(
     compute=compute,
     computes_with=("solver.identification.identify",),
     table=table,
+    effort=_effort,
     figures=Figures(of="an identification", drawn=DrawnIdentification, draw=draw),
 )
