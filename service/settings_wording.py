@@ -20,7 +20,7 @@ def resolution_text(result: TuningResult) -> str | None:
         pair = f"a peak of μ of {number(price.mu_rounded)} instead of {number(price.mu_exact)}"
     else:
         pair = f"τP = {number(price.tau_p_rounded)} instead of {number(price.tau_p_exact)}"
-    return f"These are the numbers to type in; with any digits there would be {pair}, not less."
+    return f"These are the numbers to type in: {pair} with any digits."
 
 
 def tolerance_text(near: SettingsTolerance) -> str:
