@@ -2,19 +2,29 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Discriminator, Field, Tag
 
 import solver.model.arranged
 import solver.model.plants
 from service.schemas.fields import WHOLE, AnalysisRequest, Time
 from solver.model.plants import MAX_UNITS
 
-__all__ = ["ArrangedRequest", "PairedInput", "Pairing"]
+__all__ = ["ArrangedRequest", "PairedInput", "Pairing", "PairingOrBest"]
 
 PairedInput = Annotated[int, Field(ge=0, lt=MAX_UNITS), WHOLE]
 Pairing = Annotated[tuple[PairedInput, ...], Field(min_length=1, json_schema_extra={"x-unit": "1"})]
+
+
+def _form(value: Any) -> str:  # noqa: ANN401 - whatever the caller sent
+    """Tell a word from a list."""
+    return "best" if isinstance(value, str) else "list"
+
+
+PairingOrBest = Annotated[
+    Annotated[Pairing, Tag("list")] | Annotated[Literal["best"], Tag("best")], Discriminator(_form)
+]
 
 
 class ArrangedRequest(AnalysisRequest):

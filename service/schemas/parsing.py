@@ -30,8 +30,9 @@ _Model = TypeVar("_Model", bound=BaseModel)
 
 # A union puts the tag of the chosen form into pydantic's location; it is no part of the JSON.
 _TAGS = {
-    "plant": {"parallel", "first_order", "matrix"},
+    "plant": {"parallel", "first_order", "matrix", "state_space"},
     "uncertainty": {"error", "weight"},
+    "pairing": {"best", "list"},
     "perturbation": {"actuators", "coupled", "worst_case"},
 }
 _MAX_FAULTS = 20

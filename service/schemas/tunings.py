@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, JsonValue
 
-from service.schemas.arrangement import Pairing
+from service.schemas.arrangement import PairingOrBest
 from service.schemas.controllers import ControllerChoice, Loop, given_loops
 from service.schemas.demands import DemandOutcome, Demands
 from service.schemas.encoding import encode
@@ -147,7 +147,7 @@ class TuningRequest(RecordedRequest):
         "settings must serve every plant in it.",
         examples=[None],
     )
-    pairing: Pairing | Literal["best"] | None = Field(
+    pairing: PairingOrBest | None = Field(
         default=None,
         description="Input, from 0, of each output; best: those that may have integral action in "
         "every loop are tried, the nearest to no interaction first. null: output i by input i.",

@@ -133,7 +133,7 @@ def _poles(system: StateSpace) -> NDArray[np.complex128]:
             f"the plant is open-loop unstable (eigenvalue {unstable[0]:.6g} of A); stabilise it "
             "with an inner loop first"
         )
-        raise UnsupportedPlantError(message, "/plant/A")
+        raise UnsupportedPlantError(message, "/A")
     return poles
 
 

@@ -13,7 +13,7 @@ from service.analyses.robustness import RobustnessRequest, compute
 from service.analyses.step_response import StepResponseRequest
 from service.schemas import RequestError, TuningRequest, parse
 from service.schemas.encoding import encode
-from solver.model.errors import InvalidInputError
+from solver.model.errors import InvalidInputError, UnsupportedPlantError
 
 
 def lag(gain: float, time: float, dead_time: float) -> dict[str, Any]:
@@ -62,7 +62,7 @@ def test_pairing_of_step_responses() -> None:
 def test_scan_of_given_loops_is_dead_time_and_said() -> None:
     """The scan delays the plant, and a slow one is warned of."""
     request = parse(RobustnessRequest, json.dumps({**ROBUSTNESS, "scan_time": 0.5}))
-    assert request.build().plant.process.dead_time == 0.75
+    assert request.build().plant.element(0, 0).dead_time == 0.75
     found = compute(request)
     assert any("the scan time 0.5 is not small" in warning for warning in found["warnings"])
 
@@ -92,6 +92,36 @@ def test_contradictions_are_refused_by_pointer(
         built(model, change)
     error = caught.value
     assert getattr(error, "field", None) == pointer
+
+
+@pytest.mark.parametrize(
+    ("change", "pointer"),
+    [
+        ({"pairing": "worst"}, "/pairing"),
+        ({"pairing": ["a", 1]}, "/pairing/0"),
+        ({"pairing": [-1, 0]}, "/pairing/0"),
+        ({"pairing": []}, "/pairing"),
+        (
+            {"plant": {"kind": "state_space", "A": [["q"]], "B": [[1]], "C": [[1]], "D": [[0]]}},
+            "/plant/A/0/0",
+        ),
+    ],
+)
+def test_faults_of_form_are_one_each_and_point_into_the_request(
+    change: dict[str, Any], pointer: str
+) -> None:
+    """A union's forms leave no trace in the pointer, and one fault is one error."""
+    with pytest.raises(RequestError) as caught:
+        built(TuningRequest, {**TUNING, **change})
+    assert [fault.pointer for fault in caught.value.faults] == [pointer]
+
+
+def test_unstable_state_space_points_to_its_matrix() -> None:
+    """An eigenvalue in the right half plane is a fault of A."""
+    plant = {"kind": "state_space", "A": [[1]], "B": [[1]], "C": [[1]], "D": [[0]]}
+    with pytest.raises(UnsupportedPlantError) as caught:
+        built(TuningRequest, {**TUNING, "plant": plant})
+    assert caught.value.field == "/plant/A"
 
 
 def test_unlike_spans_are_the_default_of_the_permitted_errors() -> None:
