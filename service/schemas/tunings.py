@@ -99,14 +99,14 @@ class Search(RequestModel):
     start: list[Loop] | None = Field(
         default=None,
         description="Known settings, one entry a unit: only the best settings beside them are "
-        "sought, in a tenth of the time; the status is then local.",
+        "sought, in a third of the time; the status is then local.",
         examples=[None],
     )
     optimality_gap: bool = Field(
         default=False,
         description="Whether to prove how far tau_p is from the least possible one, in what the "
-        "search leaves of the time limit. For PI, the objective tau_p and at most two different "
-        "controllers; a matrix plant has at most two units.",
+        "search leaves of the time limit. For the objective tau_p, PI with at most two different "
+        "controllers or PID with identical ones; a matrix plant has at most two units.",
         examples=[False],
     )
 

@@ -28,7 +28,8 @@ if TYPE_CHECKING:
 __all__ = ["GOAL", "BranchAndBound"]
 
 GOAL = 0.001  # gap at which the proof ends
-BESIDE = np.exp([-0.1, -0.03, 0.0, 0.03, 0.1])  # where the peaks of nearly optimal settings are
+# where the peaks of nearly optimal settings are: lightly damped ones are narrow
+BESIDE = np.exp([-0.1, -0.03, -0.01, -0.003, -0.001, 0.0, 0.001, 0.003, 0.01, 0.03, 0.1])
 RAYS = np.exp(1j * np.pi / 6 * np.arange(3))  # 30 degrees apart, the positive axis the first
 EVERY = 3  # of the frequencies, of which there are rays
 PASSED_ON = 10  # points that a part of a box tries first: the tightest of the whole
@@ -47,7 +48,7 @@ class _Box(NamedTuple):
 
 
 class BranchAndBound:
-    """The proof for one grouping with PI controllers.
+    """The proof for one grouping with PI controllers, or with one PID controller.
 
     Parameters
     ----------
@@ -76,16 +77,18 @@ class BranchAndBound:
         s = np.concatenate([1j * axis, np.outer(axis[::EVERY], RAYS).ravel()])
         known = samples(blocks, problem.uncertainty, s)
         low, high = np.exp(problem.low) * (1 - OUTWARD), np.exp(problem.high) * (1 + OUTWARD)
-        # Of each controller k and tau_I; then k and k/tau_I.
-        shortest, longest = low[1::2].copy(), high[1::2].copy()
-        low[1::2], high[1::2] = low[::2] / longest, high[::2] / shortest
+        # Of each controller k and tau_I; then k and k/tau_I. Behind them tau_D, if there is one.
+        own = low.size // problem.signs.size
+        shortest, longest = low[1::own].copy(), high[1::own].copy()
+        low[1::own], high[1::own] = low[::own] / longest, high[::own] / shortest
         self._tau_p, self._goal = tau_p, goal
         self._conditions = Conditions(
             blocks, known, problem.performance, problem.signs,
-            math.log(tau_p) + math.log(1 - goal), cone(blocks, shortest, longest),
+            math.log(tau_p) + math.log(1 - goal), cone(blocks, shortest, longest, own),
         )  # fmt: skip
         low, high = low * (1 - OUTWARD), high * (1 + OUTWARD)
-        high = np.minimum(high, robust_limits(blocks, known, problem.signs))
+        leads = np.stack([low[2::own], high[2::own]], axis=1) if own == 3 else np.empty((0, 2))
+        high = np.minimum(high, robust_limits(blocks, known, problem.signs, leads))
         self._open = [_Box(-math.inf, 0, low, high, self._conditions.all_points)]
         self._boxes = self._number = 0
 

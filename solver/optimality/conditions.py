@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from solver.model.controllers import DERIVATIVE_FILTER
 from solver.mu.scaling import sweep
 from solver.optimality.cuts import NU, Cuts, cuts
 from solver.optimality.settings_box import demands, narrow
@@ -98,6 +99,12 @@ class Conditions:
 
         """
         low, high = low.copy(), high.copy()
+        if low.size == 3 * self.signs.size:
+            leads = np.stack([low[2::3], high[2::3]], axis=1)
+            limits = robust_limits(self.blocks, self.samples, self.signs, leads)
+            high = np.minimum(high, limits)
+            if (high < low).any():
+                return Examination(self.target, None, low, high, used)
         max_peak, offset = self.performance.max_peak, self.performance.offset
         v, s = np.sqrt(low * high), known
         y = np.zeros((used.size, self.blocks.n_scales))
@@ -109,7 +116,7 @@ class Conditions:
             p = demands(self.target, points, max_peak, offset)
             # Of |E Z - G v| at |c| = 1: |v| <= sqrt(u) |c Z|.
             reach = self.samples.size[used] * (1 + np.sqrt(u))
-            c = self.signs * (v[::2] + v[1::2] / points[:, None])
+            c = self._controllers(v, points)
             sweep(G, c, rows, p, self.blocks.layout, all_free=True, nu=NU, cold=cold, y=y)
             cold = False
             found.append(cuts(c, G, u, p, self.blocks.layout, np.exp(y)))
@@ -131,6 +138,17 @@ class Conditions:
             found = [Cuts(made.above[kept], made.norm[kept], made.size[kept]) for made in found]
         return Examination(s, int((high / low).argmax()), low, high, used)
 
+    def _controllers(
+        self, v: NDArray[np.float64], s: NDArray[np.complex128]
+    ) -> NDArray[np.complex128]:
+        """Return the controllers (k, controllers) at points s (k,)."""
+        own = v.size // self.signs.size
+        c = self.signs * (v[::own] + v[1::own] / s[:, None])
+        if own == 3:
+            lead = v[2::own] * s[:, None]
+            c = c * (1 + lead) / (1 + DERIVATIVE_FILTER * lead)
+        return c
+
     @property
     def all_points(self) -> NDArray[np.int64]:
         """All points."""
@@ -138,15 +156,18 @@ class Conditions:
 
 
 def cone(
-    blocks: LoopBlocks, shortest: NDArray[np.float64], longest: NDArray[np.float64]
+    blocks: LoopBlocks, shortest: NDArray[np.float64], longest: NDArray[np.float64], per: int
 ) -> NDArray[np.float64]:
-    """Rows a of conditions a v >= 0: tau_I within its limits; of equal groups the first leads."""
+    """Rows a of conditions a v >= 0: tau_I within its limits; of equal groups the first leads.
+
+    `per` is the number of variables of one controller.
+    """
     groups = blocks.groups
     size = len(groups)
-    rows = np.zeros((2 * size, 2 * size))
+    rows = np.zeros((2 * size, per * size))
     for j in range(size):
-        rows[2 * j, 2 * j : 2 * j + 2] = 1, -shortest[j]
-        rows[2 * j + 1, 2 * j : 2 * j + 2] = -1, longest[j]
+        rows[2 * j, per * j : per * j + 2] = 1, -shortest[j]
+        rows[2 * j + 1, per * j : per * j + 2] = -1, longest[j]
     alike = size == 2 and len(groups[0]) == len(groups[1]) and bool((blocks.ratios == 1).all())
     if alike and blocks.plant.interchangeable:
         rows = np.vstack([rows, [1, 0, -1, 0]])
@@ -154,9 +175,15 @@ def cone(
 
 
 def robust_limits(
-    blocks: LoopBlocks, samples: Samples, signs: NDArray[np.float64]
+    blocks: LoopBlocks,
+    samples: Samples,
+    signs: NDArray[np.float64],
+    leads: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Greatest k and k/tau_I of each controller with which a loop can be robustly stable, (m,).
+    """Greatest settings of each controller with which a loop can be robustly stable, (m,).
+
+    Of k and k/tau_I; `leads` are least and greatest derivative times, (controllers, 2), or empty
+    for PI.
 
     Where |w_I| >= 1 the uncertainty can take out all of C but one row of a block, so what is left
     must be robustly stable: with zeta = G e and v = C zeta + e, e the unit vector of the row,
@@ -164,17 +191,46 @@ def robust_limits(
     in a disc.
     """
     channels, first = blocks.layout.channels, blocks.layout.first
-    limits = np.full(2 * signs.size, np.inf)
+    per = 3 if leads.size else 2
+    limits = np.full(per * signs.size, np.inf)
     for row, channel in enumerate(channels):
-        own = samples.G[:, row, row - first[first <= row].max()]
-        at = (samples.s.real == 0) & (samples.u > 1 + CLEARLY) & (own != 0)
+        direct = samples.G[:, row, row - first[first <= row].max()]
+        at = (samples.s.real == 0) & (samples.u > 1 + CLEARLY) & (direct != 0)
         if not at.any():
             continue
         omega, u = samples.s[at].imag, samples.u[at]
-        centre = signs[channel] / own[at] / (u - 1)
+        centre = signs[channel] / direct[at] / (u - 1)
         radius = np.sqrt(u) * np.abs(centre) * (1 + OUTWARD)
-        # sign c = k - j (k/tau_I)/omega
-        limit = np.array([(centre.real + radius).min(), (omega * (radius - centre.imag)).min()])
-        own_limits = limits[2 * channel : 2 * channel + 2]
+        # sign c = L (k - j (k/tau_I)/omega), with PI L = 1
+        real, imag = centre.real + radius, radius - centre.imag
+        if leads.size:
+            least, angles = _lead(omega[:, None] * leads[channel])
+            turned = np.angle(centre)[:, None] - angles
+            real, imag = (
+                (np.abs(centre) * _highest_cosine(turned + turn) + radius) / least
+                for turn in (0.0, np.pi / 2)
+            )
+        limit = np.array([real.min(), (omega * imag).min()])
+        own_limits = limits[per * channel : per * channel + 2]
         np.minimum(own_limits, limit, out=own_limits)
     return limits
+
+
+def _lead(times: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Least modulus (k,) and angles' range (k, 2) of L = (1 + j x)/(1 + j x/10), x in (k, 2)."""
+    modulus = np.hypot(1, times) / np.hypot(1, DERIVATIVE_FILTER * times)
+    angles = np.arctan(times) - np.arctan(DERIVATIVE_FILTER * times)
+    # The angle rises up to x = sqrt(10) and falls from there.
+    top = DERIVATIVE_FILTER**-0.5
+    highest = np.where((times[:, 0] < top) & (times[:, 1] > top),
+                       np.arctan(top) - np.arctan(DERIVATIVE_FILTER * top),
+                       angles.max(axis=1))  # fmt: skip
+    return modulus[:, 0] * (1 - OUTWARD), np.stack([angles.min(axis=1), highest], axis=1)
+
+
+def _highest_cosine(angles: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Greatest cosine, at least 0, of angles between two, (k, 2) in either order."""
+    ends = np.cos(angles).max(axis=1)
+    low, high = angles.min(axis=1), angles.max(axis=1)
+    whole = np.floor(high / (2 * np.pi)) >= np.ceil(low / (2 * np.pi))
+    return np.where(whole, 1.0, np.maximum(ends, 0.0)) + OUTWARD

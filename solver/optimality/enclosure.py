@@ -12,6 +12,7 @@ import math
 
 import numpy as np
 
+from solver.model.controllers import DERIVATIVE_FILTER
 from solver.mu.workspace import compiled, square
 
 __all__ = ["ROUNDING", "least_length", "linearise"]
@@ -49,31 +50,30 @@ def linearise(low, high, cut, p, points, reach, signs, cone, a, b, bends):
     m, several = low.size, above.shape[1]
     count = points.size * several
     controllers = signs.size
-    c = np.empty((controllers, 9), np.complex128)
-    squares = np.empty((controllers, 9))
-    largest = np.empty(controllers)
+    own = m // controllers
+    c = np.empty((controllers, 3**own), np.complex128)
+    squares = np.empty((controllers, 3**own))
+    ones = np.empty(3**own)
+    moduli, psi = np.empty(1 + controllers), np.empty(2**controllers, np.complex128)
     places = _places(m)
     form = np.empty(above.shape[2:], np.complex128)
     for point in range(points.size):
-        size = 1.0
+        size = _all_ends(low, high, points[point], signs, c, squares, ones, moduli, psi)
         for i in range(controllers):
-            own = slice(2 * i, 2 * i + 2)
-            _ends(low[own], high[own], points[point], signs[i], c[i], squares[i])
-            largest[i] = high[2 * i] + high[2 * i + 1] / abs(points[point])
-            size += largest[i] * reach[point]
+            size += moduli[1 + i] * reach[point]
         for turn in range(several):
             k = several * point + turn
-            length = sizes[point, turn, 0]
-            for i in range(controllers):
-                length += sizes[point, turn, 1 + i] * largest[i]
-            unit = p[point] * _middle(norm[point, turn], c)
+            length = 0.0
+            for i in range(1 + controllers):
+                length += sizes[point, turn, i] * moduli[i]
+            unit = p[point] * _middle(norm[point, turn], psi)
             if not unit > 0.0:
                 a[k], b[k], bends[k] = 0.0, NEVER, NEVER
                 continue
             for i in range(form.shape[0]):
                 for j in range(form.shape[0]):
                     form[i, j] = above[point, turn, i, j] - p[point] * norm[point, turn, i, j]
-            _coefficients(form, c, squares, bends[k])
+            _coefficients(form, c, squares, ones, bends[k])
             margin = MARGIN * (size * size + p[point]) * length * length
             for i in range(bends.shape[1]):
                 bends[k, i] = (bends[k, i] + margin) / unit
@@ -98,39 +98,87 @@ def linearise(low, high, cut, p, points, reach, signs, cone, a, b, bends):
 @compiled
 def least_length(low, high, at, norm, sizes, signs):
     """Lower bound of |Z|^2 over the box, relative to its value in the middle."""
-    c = np.empty((signs.size, 9), np.complex128)
-    squares = np.empty((signs.size, 9))
-    lengths = np.empty(9**signs.size)
-    length = sizes[0]
-    for i in range(signs.size):
-        own = slice(2 * i, 2 * i + 2)
-        _ends(low[own], high[own], at, signs[i], c[i], squares[i])
-        length += sizes[1 + i] * (high[2 * i] + high[2 * i + 1] / abs(at))
-    _coefficients(norm, c, squares, lengths)
-    return max(lengths.min() - MARGIN * length * length, 0.0) / _middle(norm, c)
+    controllers = signs.size
+    own = low.size // controllers
+    c = np.empty((controllers, 3**own), np.complex128)
+    squares = np.empty((controllers, 3**own))
+    ones = np.empty(3**own)
+    lengths = np.empty(3**low.size)
+    moduli, psi = np.empty(1 + controllers), np.empty(2**controllers, np.complex128)
+    _all_ends(low, high, at, signs, c, squares, ones, moduli, psi)
+    length = 0.0
+    for i in range(1 + controllers):
+        length += sizes[i] * moduli[i]
+    _coefficients(norm, c, squares, ones, lengths)
+    return max(lengths.min() - MARGIN * length * length, 0.0) / _middle(norm, psi)
 
 
 @compiled
-def _ends(low, high, at, sign, c, squares):
-    """Bernstein coefficients of degrees (2, 2) of c = sign (k + m/s) and |c|^2 over k and m."""
+def _all_ends(low, high, at, signs, c, squares, ones, moduli, psi):
+    """Fill in Bernstein coefficients of degree 2 in each setting; returns the largest |d|.
+
+    A controller is n/d, d = 1 with PI: of conj(d) n `c`, of |n|^2 `squares`, of |d|^2 `ones`, which
+    with two controllers is 1. Also the largest |d| and |n| (`moduli`), and the products (d, n) or
+    (1, n_1, n_2, n_1 n_2) in the middle of the box (`psi`).
+    """
+    own = low.size // signs.size
+    ones[:] = 1.0
+    moduli[0] = psi[0] = 1.0
     inverse = 1.0 / at
+    for i in range(signs.size):
+        first = own * i
+        kl, kh, ml, mh = low[first], high[first], low[first + 1], high[first + 1]
+        moduli[1 + i] = kh + mh / abs(at)
+        psi[1 << i] = signs[i] * (0.5 * (kl + kh) + 0.5 * (ml + mh) * inverse)
+        _ends(kl, kh, ml, mh, inverse, signs[i], c[i], squares[i])
+        if own == 3:
+            t = 0.5 * (low[first + 2] + high[first + 2])
+            psi[0] = 1.0 + DERIVATIVE_FILTER * t * at
+            psi[1 << i] *= 1.0 + t * at
+            moduli[0] = 1.0 + DERIVATIVE_FILTER * high[first + 2] * abs(at)
+            moduli[1 + i] *= 1.0 + high[first + 2] * abs(at)
+            _lead(low[first + 2], high[first + 2], at, c[i], squares[i], ones)
+    if signs.size == 2:
+        psi[3] = psi[1] * psi[2]
+    return moduli[0]
+
+
+@compiled
+def _ends(kl, kh, ml, mh, inverse, sign, c, squares):
+    """Those of c = sign (k + m/s) and |c|^2 over k and m, the first nine."""
     for i in range(3):
-        k = 0.5 * ((2 - i) * low[0] + i * high[0])
-        k2 = low[0] * high[0] if i == 1 else k * k
+        k = 0.5 * ((2 - i) * kl + i * kh)
+        k2 = kl * kh if i == 1 else k * k
         for j in range(3):
-            m = 0.5 * ((2 - j) * low[1] + j * high[1])
-            m2 = low[1] * high[1] if j == 1 else m * m
+            m = 0.5 * ((2 - j) * ml + j * mh)
+            m2 = ml * mh if j == 1 else m * m
             c[3 * i + j] = sign * (k + m * inverse)
             squares[3 * i + j] = k2 + 2.0 * k * m * inverse.real + m2 * square(inverse)
 
 
 @compiled
-def _coefficients(form, c, squares, out):
+def _lead(low, high, at, c, squares, ones):
+    """Multiply by those of the derivative over its time t: n has 1 + t s, d has 1 + t s/10."""
+    size = square(at)
+    for i in range(8, -1, -1):
+        for j in range(2, -1, -1):
+            t = 0.5 * ((2 - j) * low + j * high)
+            t2 = low * high if j == 1 else t * t
+            mixed = 1.0 + t * (at + DERIVATIVE_FILTER * np.conj(at)) + DERIVATIVE_FILTER * t2 * size
+            c[3 * i + j] = c[i] * mixed
+            squares[3 * i + j] = squares[i] * (1.0 + 2.0 * t * at.real + t2 * size)
+            ones[3 * i + j] = (
+                1.0 + 2.0 * DERIVATIVE_FILTER * t * at.real + DERIVATIVE_FILTER**2 * t2 * size
+            )
+
+
+@compiled
+def _coefficients(form, c, squares, ones, out):
     """Bernstein coefficients of psi^H form psi."""
     if form.shape[0] == 2:
-        for i in range(9):
+        for i in range(ones.size):
             mixed = 2.0 * (form[0, 1] * c[0, i]).real
-            out[i] = form[0, 0].real + mixed + form[1, 1].real * squares[0, i]
+            out[i] = form[0, 0].real * ones[i] + mixed + form[1, 1].real * squares[0, i]
         return
     for j in range(9):
         cj, sj = c[1, j], squares[1, j]
@@ -142,12 +190,8 @@ def _coefficients(form, c, squares, out):
 
 
 @compiled
-def _middle(form, c):
-    """psi^H form psi in the middle of the box."""
-    if form.shape[0] == 2:
-        psi = np.array([1.0 + 0j, c[0, 4]])
-    else:
-        psi = np.array([1.0 + 0j, c[0, 4], c[1, 4], c[0, 4] * c[1, 4]])
+def _middle(form, psi):
+    """psi^H form psi."""
     total = 0.0
     for i in range(psi.size):
         for j in range(psi.size):

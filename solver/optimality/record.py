@@ -60,7 +60,7 @@ class Optimality:
 
 @dataclass(frozen=True, eq=False)
 class SettingsProblem:
-    """Which PI settings of one grouping are asked for, and within which bounds.
+    """Which PI or PID settings of one grouping are asked for, and within which bounds.
 
     Attributes
     ----------
@@ -72,8 +72,9 @@ class SettingsProblem:
         M and A of the demand; its tau_P is what is sought.
     signs : (controllers,)
         Sign of each gain.
-    low, high : (2 controllers,)
-        Bounds of log k and log tau_I of each controller in turn.
+    low, high : (2 controllers,) or (3,)
+        Bounds of log k and log tau_I of each controller in turn; with PID, of which there is one,
+        log tau_D behind them.
     omega : (k,)
         Frequencies to begin with, rad per time unit, ascending.
 

@@ -176,14 +176,15 @@ class Specification:
     certificate : bool
         Whether the result carries a proof, for all frequencies, of a level just above its peak.
     start : tuple of Controller or None
-        One loop a unit: only the best settings beside these are sought, in a tenth of the time.
+        One loop a unit: only the best settings beside these are sought.
     resolution : Resolution or None
         Numbers that the controllers accept: the best settings among them are returned.
     as_found : tuple of Controller or None
         Today's settings, one loop a unit, of any kind: the result tells what they do.
     optimality_gap : bool
-        Whether to prove how far tau_P is from the least possible one. For PI, objective TAU_P and
-        at most two different controllers; a matrix plant has at most two units.
+        Whether to prove how far tau_P is from the least possible one. For the objective TAU_P, PI
+        with at most two different controllers or PID with one; a matrix plant has at most two
+        units.
 
     """
 
@@ -450,8 +451,8 @@ class Specification:
 
     def _check_optimality_gap(self) -> None:
         where = "/search/optimality_gap"
-        if self.kind is not ControllerKind.PI:
-            message = "the optimality gap is proven for PI only; tune PI too to compare"
+        if self.kind not in {ControllerKind.PI, ControllerKind.PID}:
+            message = "the optimality gap is proven for PI and PID only; tune those too to compare"
             raise InvalidInputError(message, where)
         if self.objective is not Objective.TAU_P:
             message = "the optimality gap is proven for the objective tau_p only"
@@ -466,6 +467,9 @@ class Specification:
             Arrangement.IDENTICAL: 1,
             Arrangement.GROUPED: len(self.groups or self.group_sizes or ()),
         }.get(self.arrangement, self.plant.n)
+        if self.kind is ControllerKind.PID and different > 1:
+            message = "the optimality gap of PID is proven for identical settings only"
+            raise InvalidInputError(message, where)
         if different > MOST_PROVEN:
             message = (
                 f"the optimality gap is proven for at most {MOST_PROVEN} different controllers; "

@@ -266,11 +266,11 @@ def test_tune_proves_how_far_from_the_best_where_asked() -> None:
 
 
 def test_a_proof_that_does_not_exist_is_refused_by_name() -> None:
-    """PID has no proof of optimality: exit code 2, and the field."""
-    pid = altered(altered(QUICK, "/controller/kind", "PID"), "/search/optimality_gap", True)
-    result = mutune("tune", "-", request=pid)
+    """PIDF has no proof of optimality: exit code 2, and the field."""
+    free = altered(altered(QUICK, "/controller/kind", "PIDF"), "/search/optimality_gap", True)
+    result = mutune("tune", "-", request=free)
     assert result.exit_code == 2
-    assert "/search/optimality_gap: the optimality gap is proven for PI only" in result.stderr
+    assert "/search/optimality_gap: the optimality gap is proven for PI and PID" in result.stderr
 
 
 def test_an_unstable_loop_is_said_to_be_so_first() -> None:

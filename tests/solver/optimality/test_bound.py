@@ -1,6 +1,7 @@
 """Lower bounds of tau_P: how near they are, and that nothing better than proven exists."""
 
 import importlib
+import itertools
 import math
 from dataclasses import replace
 
@@ -82,6 +83,37 @@ def test_identical_settings_are_proven_best_to_a_thousandth(name):
     assert proof.boxes < 300
     assert 0 < proof.gap <= proof.goal * (1 + 1e-5)
     assert proof.lower_bound == pytest.approx((1 - proof.gap) * result.tau_p, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("plant", "bounds"),
+    [
+        (first_order(1, 1, 10, 0, 2), Bounds()),
+        (first_order(2, 1, 10, 0.5), Bounds()),
+        # Derivative times as long as the lag and short ones: 12.976, not 18.638.
+        (SLH, Bounds((0.5, 500), (0.3, 1000), (0.05, 1000))),
+    ],
+)
+def test_one_pid_setting_is_proven_best_to_a_thousandth(plant, bounds):
+    """Three settings: a single loop, two like ones, and the plant with two valleys far apart."""
+    proof = tune(
+        task(plant, kind=ControllerKind.PID, bounds=bounds, optimality_gap=True)
+    ).optimality
+    assert proof.status is Proof.REACHED
+    assert proof.boxes < 600
+
+
+def test_no_pid_settings_of_a_grid_are_better_than_the_bound():
+    """None of 8,000 over the box, and those that a tuning found are not below it either."""
+    specification = task(first_order(2, 1, 10, 0.5), kind=ControllerKind.PID, optimality_gap=True)
+    result = tune(specification)
+    search = search_of(specification)
+    ends = zip(search.region.starts.low, search.region.starts.high, strict=True)
+    axes = [np.linspace(*each, 20) for each in ends]
+    values = [
+        search.objective.evaluate(np.array(theta)).value for theta in itertools.product(*axes)
+    ]
+    assert result.optimality.lower_bound <= min(math.exp(min(values)), result.tau_p)
 
 
 @pytest.mark.parametrize(
@@ -181,7 +213,8 @@ def test_the_time_limit_ends_the_proof_and_not_the_tuning(monkeypatch):
 @pytest.mark.parametrize(
     "refused",
     [
-        {"kind": ControllerKind.PID},
+        {"kind": ControllerKind.PIF},
+        {"kind": ControllerKind.PID, "arrangement": Arrangement.INDEPENDENT},
         {"objective": Objective.MU, "performance": Performance(tau_p=20)},
         {"plant": first_order(3, 1, 10, 0.5), "arrangement": Arrangement.INDEPENDENT},
         {"plant": first_order(3, 1, 10, 0.5), "arrangement": Arrangement.BEST},
@@ -190,7 +223,7 @@ def test_the_time_limit_ends_the_proof_and_not_the_tuning(monkeypatch):
     ],
 )  # fmt: skip
 def test_what_is_not_covered_is_refused_by_name(refused):
-    """PID, the objective mu and more than two different controllers have no such proof."""
+    """Free filters, unlike PID, the objective mu and more than two unlike PI have no such proof."""
     with pytest.raises(InvalidInputError) as error:
         task(**{"plant": SLH, "optimality_gap": True, **refused})
     assert error.value.field == "/search/optimality_gap"

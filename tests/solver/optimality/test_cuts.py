@@ -30,7 +30,7 @@ OMEGA = np.geomspace(1e-3, 20, 12)
 
 @st.composite
 def loops(draw):
-    """A plant with at most two different controllers, as an objective on `OMEGA`."""
+    """A plant with at most two different PI, or one PID, as an objective on `OMEGA`."""
     if draw(st.integers(0, 9)) == 0:
         plant, groups = COLUMN, ((0,), (1,))
     else:
@@ -46,9 +46,11 @@ def loops(draw):
     demand = Performance(draw(st.floats(1.5, 3)), draw(st.sampled_from([0.0, 0.1])))
     uncertainty = Uncertainty.from_error(0.2, 1, structure)
     signs = np.array([math.copysign(1, plant.element(g[0], g[0]).static_gain) for g in groups])
+    kind = ControllerKind.PI
+    if len(groups) == 1 and draw(st.booleans()):
+        kind = ControllerKind.PID
     return LoopObjective(
-        reduce(plant, groups, uncertainty), uncertainty, TauGoal(demand), ControllerKind.PI, signs,
-        OMEGA,
+        reduce(plant, groups, uncertainty), uncertainty, TauGoal(demand), kind, signs, OMEGA,
     )  # fmt: skip
 
 
@@ -86,8 +88,9 @@ settings_near = st.lists(st.floats(-2, 2), min_size=4, max_size=4)
 @given(loops(), settings_near, settings_near)
 def test_a_cut_holds_for_all_settings(objective, here, there):
     """No settings have a level above the right side of a cut made elsewhere (hence the proof)."""
-    size = 2 * objective.signs.size
-    theta, other = (np.tile([2.0, 3.0], 2)[:size] + np.array(x)[:size] for x in (here, there))
+    middle = np.array([2.0, 3.0, 0.0] if objective.per_controller == 3 else [2.0, 3.0] * 2)
+    size = objective.per_controller * objective.signs.size
+    theta, other = (middle[:size] + np.array(x)[:size] for x in (here, there))
     cut, c, G = cut_at(objective, theta)
     there = responses(objective, other)
     reach = (1 + np.abs(c).sum(axis=1)) * (1 + np.abs(there).sum(axis=1))
@@ -135,11 +138,15 @@ def test_a_cut_stays_sharp_along_the_strong_direction():
        st.floats(0.01, 1), st.floats(1, 6))  # fmt: skip
 def test_no_settings_in_a_box_are_better_than_its_bound(objective, at, within, width, target):
     """The bound of a box is at most the value of any settings in it, frequency by frequency."""
-    size = 2 * objective.signs.size
-    low = np.tile([2.0, -1.0], 2)[:size] + np.array(at)[:size]
+    per = objective.per_controller
+    size = per * objective.signs.size
+    middle = [2.0, -1.0, 0.0] if per == 3 else [2.0, -1.0] * 2
+    low = np.array(middle)[:size] + np.array(at)[:size]
     point = low + width * np.array(within)[:size]
-    v = np.exp(point)  # k and k/tau_I
-    theta = np.log(np.column_stack([v[::2], v[::2] / v[1::2]]).ravel())
+    v = np.exp(point)  # k, k/tau_I and tau_D
+    settings = v.reshape(-1, per).copy()
+    settings[:, 1] = settings[:, 0] / settings[:, 1]
+    theta = np.log(settings).ravel()
     level = objective.levels(theta, OMEGA)
     value = objective.goal.attained(level, OMEGA)
     value = np.where(level <= FORBIDDEN, np.inf, value).max()
@@ -205,12 +212,15 @@ def test_conditions_without_a_common_point_are_excluded():
 @given(loops(), st.lists(st.floats(-3, 6), min_size=4, max_size=4))
 def test_no_robustly_stable_settings_are_beyond_the_limits(objective, theta):
     """A gain or k/tau_I above its limit leaves no level at one of the frequencies."""
-    size = 2 * objective.signs.size
+    per = objective.per_controller
+    rows = np.array(theta)[: per * objective.signs.size].reshape(-1, per)
+    leads = np.exp(rows[:, 2:]) * [[0.9, 1.2]] if per == 3 else np.empty((0, 2))
     known = samples(objective.blocks, objective.uncertainty, 1j * OMEGA)
-    limits = robust_limits(objective.blocks, known, objective.signs)
-    k, tau_i = np.exp(theta[:size:2]), np.exp(theta[1:size:2])
-    if (np.column_stack([k, k / tau_i]).ravel() > limits).any():
-        assert objective.levels(np.array(theta[:size]), OMEGA).min() <= FORBIDDEN
+    limits = robust_limits(objective.blocks, known, objective.signs, leads).reshape(-1, per)
+    v = np.exp(rows)
+    v[:, 1] = v[:, 0] / v[:, 1]
+    if (v > limits).any():
+        assert objective.levels(rows.ravel(), OMEGA).min() <= FORBIDDEN
 
 
 def test_an_unstable_loop_is_excluded_by_points_to_the_right_of_the_axis():
