@@ -53,7 +53,8 @@ function ranges({ settings_tolerance: near, groups, resolution: price }) {
   const rows = near.alone.map((/** @type {any} */ one) =>
     [`${loopsOf(groups[one.group])}, ${label(one.parameter)}`, number(one.low), number(one.value), number(one.high)]);
   return card("How far they may be moved",
-    price && h("p", {}, `As typed in τₚ is ${number(price.tau_p_rounded)}; with any digits ${number(price.tau_p_exact)}.`),
+    price && h("p", {},
+      `As typed in τₚ is ${number(price.tau_p_rounded)}; with any digits ${number(price.tau_p_exact)}.`),
     table("Ranges of the settings", ["", "from", "now", "to"], rows),
     help(`Each alone, before μ exceeds ${number(near.mu)} at τₚ = ${number(near.tau_p)} ${timeUnit()}.`));
 }

@@ -24,7 +24,7 @@ export function input(form, given, start, pointer) {
   });
   const name = h("label", { for: id }, label(key(pointer)));
   const node = h("div", { class: "field" }, name, h("div", { class: "box" }, input, unitTag(s["x-unit"])));
-  const parse = s.type === "array" ? numbers : s.type === "string" ? String : numeric;
+  const parse = s["x-list"] ? oneOrMore : s.type === "array" ? numbers : s.type === "string" ? String : numeric;
   const empty = s.nullable ? null : undefined;
   const from = (read) => (by && typeof read === "number" ? read - by : read);
   return {
@@ -73,6 +73,13 @@ const numeric = (text) => (Number.isFinite(Number(text.replace(",", "."))) ? Num
 
 /** @param {string} text numbers separated by spaces, commas or semicolons */
 const numbers = (text) => text.split(/[\s,;]+/).filter(Boolean).map(numeric);
+
+/** A number, or several for one a loop; a single comma is that of a number. @param {string} text */
+function oneOrMore(text) {
+  if (/^-?\d*,\d+$/.test(text)) return numeric(text);
+  const found = numbers(text);
+  return found.length > 1 ? found : numeric(text);
+}
 
 /** @param {any} value */
 const shown = (value) => (Array.isArray(value) ? value.join(", ") : value == null ? "" : String(value));

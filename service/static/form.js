@@ -73,6 +73,8 @@ export class Form {
   build(schema, value, pointer) {
     const s = resolve(schema);
     if ("const" in s) return { node: h("div", { hidden: true }), read: () => s.const };
+    const one = s.variants && scalarOrList(s.variants);
+    if (one) return input(this, { ...one, ...s, variants: undefined, type: one.type, "x-list": true }, value, pointer);
     const isList = s.type === "array" && !isFlat(s);
     const compound = s.variants || s.type === "object" || isList;
     const isMatrix = isList && resolve(s.items).type === "array";
@@ -111,6 +113,10 @@ const pointerOf = ({ target }) =>
 
 /** @param {Schema} s a list of plain numbers, which one line of text holds */
 const isFlat = (s) => s.prefixItems || ["number", "integer", "string"].includes(resolve(s.items ?? {}).type);
+
+/** The number of a union of one number for all loops and a list of one a loop. @param {Schema[]} variants */
+const scalarOrList = (variants) => variants.length === 2 && variants.some(({ type, items }) => type === "array"
+  && ["number", "integer"].includes(resolve(items ?? {}).type)) && variants.find(({ type }) => type === "number");
 
 /** Open what a field is folded in. @param {Element | null | undefined} node */
 function unfold(node) {

@@ -30,7 +30,8 @@ export function handOver({ request: asked, result }) {
   const unit = timeUnit() === "time units" ? null : timeUnit();
   const body = (judged) => ({
     loops: result.loops, time_unit: unit, instruments: asked.instruments ?? null, target: targetOf(select.value),
-    ...(judged && { plant: asked.plant, pairing: result.pairing, scan_time: asked.controller.scan_time, uncertainty: asked.uncertainty,
+    ...(judged && { plant: asked.plant, pairing: result.pairing, scan_time: asked.controller.scan_time,
+      uncertainty: asked.uncertainty,
       performance: { ...asked.performance, tau_p: result.tau_p ?? asked.performance.tau_p } }),
   });
   const show = async () => {

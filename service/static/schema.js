@@ -48,6 +48,7 @@ export function resolve(schema) {
  * @param {Schema[]} variants @param {any} value @returns {Schema}
  */
 export function variantOf(variants, value) {
+  if (Array.isArray(value)) return variants.find(({ type }) => type === "array") ?? variants[0];
   const keys = Object.keys(value ?? {});
   const fits = (/** @type {Schema} */ variant) =>
     keys.every((key) => {
