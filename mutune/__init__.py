@@ -59,6 +59,7 @@ if TYPE_CHECKING:
     )
     from solver.interaction.relative_gain import relative_gain_array
     from solver.interaction.zeros import TransmissionZeros, Zero, transmission_zeros
+    from solver.limits.comparison import ControllerComparison, compare_controllers
     from solver.limits.lower_bound import LowerBound
     from solver.limits.multivariable import multivariable_limit
     from solver.limits.record import Limit, LimitStatus, Realised
@@ -66,6 +67,7 @@ if TYPE_CHECKING:
     from solver.model.controllers import Controller, IdealForm, ParallelForm
     from solver.model.errors import Cancelled, InvalidInputError, MutuneError, UnsupportedPlantError
     from solver.model.from_state_space import from_state_space
+    from solver.model.mode_controller import ModeController
     from solver.model.parallel_equipment import (
         BurnerPasses,
         ParallelCompressors,
@@ -81,7 +83,10 @@ if TYPE_CHECKING:
     from solver.relay.analysis import RelayOutcome, relay_experiment
     from solver.relay.experiment import PlacedLoop, Relay, RelayExperiment
     from solver.robustness.analysis import analyse
-    from solver.robustness.centralised import Centralised, ModeController, analyse_centralised
+    from solver.robustness.centralised import (
+        Centralised,
+        analyse_centralised,
+    )
     from solver.robustness.integrity import Detuning, Integrity, ServiceClass, integrity
     from solver.robustness.margins import LoopMargins, Margins, loop_margins
     from solver.robustness.record import Curves, Guarantee, GuaranteeStatus, Peaks, Robustness
@@ -142,6 +147,7 @@ __all__ = [
     "Comparison",
     "Configuration",
     "Controller",
+    "ControllerComparison",
     "ControllerKind",
     "CooledReactors",
     "CoupledActuators",
@@ -258,6 +264,7 @@ __all__ = [
     "analyse_interaction",
     "certify",
     "check",
+    "compare_controllers",
     "cover",
     "cover_by_error",
     "create_app",
@@ -323,6 +330,7 @@ _HOMES = {
     "solver.interaction.relative_gain": "relative_gain_array",
     "solver.interaction.zeros": "TransmissionZeros Zero transmission_zeros",
     "solver.limits.lower_bound": "LowerBound",
+    "solver.limits.comparison": "ControllerComparison compare_controllers",
     "solver.limits.multivariable": "multivariable_limit",
     "solver.limits.record": "Limit LimitStatus Realised",
     "solver.model.controllers": "Controller IdealForm ParallelForm",
@@ -340,7 +348,8 @@ _HOMES = {
     "solver.relay.analysis": "RelayOutcome relay_experiment",
     "solver.relay.experiment": "PlacedLoop Relay RelayExperiment",
     "solver.robustness.analysis": "analyse",
-    "solver.robustness.centralised": "Centralised ModeController analyse_centralised",
+    "solver.model.mode_controller": "ModeController",
+    "solver.robustness.centralised": "Centralised analyse_centralised",
     "solver.robustness.integrity": "Detuning Integrity ServiceClass integrity",
     "solver.robustness.margins": "LoopMargins Margins loop_margins",
     "solver.robustness.record": "Curves Guarantee GuaranteeStatus Peaks Robustness",

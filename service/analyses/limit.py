@@ -1,7 +1,8 @@
 """Find what any controller could do.
 
 Return the least tau_p (or mu) of all linear multivariable controllers, one of limited order that
-can be built, a bound that none can pass, and single loops tuned for the same demand beside them.
+can be built, a bound that none can pass, and beside them single loops, decoupling and mode control
+made for the same demand.
 """
 
 from __future__ import annotations
@@ -11,8 +12,9 @@ from typing import Any, Literal
 from pydantic import ConfigDict, Field, JsonValue
 
 from service.analysis import Analysis, Figures
+from service.beyond import NAMES, alternatives_to_json
 from service.printing import Grid, Line, Part, peaks_grid, warning_lines
-from service.schemas.complex import Complex
+from service.schemas.alternatives import Alternative, LowerBound
 from service.schemas.controllers import Loop
 from service.schemas.drawn import Drawn, DrawnCurves
 from service.schemas.encoding import encode
@@ -96,22 +98,6 @@ class Multivariable(ResultModel):
     )
 
 
-class LowerBound(ResultModel):
-    """What no linear controller can pass."""
-
-    value: float | None = Field(
-        description="Of tau_p or mu; 0: nothing is known; null: nothing meets the demand.",
-        examples=[0.62],
-    )
-    point: Complex | None = Field(
-        description="Point of the right half plane that proves it.",
-        examples=[{"re": 1.6, "im": 0.0}],
-    )
-    limitation: Literal["uncertainty", "dead_time", "right_half_plane_zero", "none"] = Field(
-        description="What acts there.", examples=["uncertainty"]
-    )
-
-
 class Decentralised(ResultModel):
     """Single loops tuned for the same demand."""
 
@@ -146,6 +132,11 @@ class LimitResult(ResultModel):
         description="Single loops of the request's kind, tuned for the same demand.",
         examples=[{"status": "optimal", "value": 18.4, "loops": []}],
     )
+    alternatives: list[Alternative] = Field(
+        description="One entry for each kind of controller, from identical PI loops to a "
+        "multivariable one, all for the same demand.",
+        examples=[[]],
+    )
     verdict: str = Field(
         description="All of it in a sentence.", examples=["Single PI loops reach tau_p = 18.4."]
     )
@@ -169,14 +160,16 @@ class DrawnLimit(Drawn):
 
 def compute(request: LimitRequest) -> dict[str, Any]:
     """Return the limit and the tuned loops."""
-    from solver.limits.multivariable import multivariable_limit
+    from solver.limits.comparison import compare_controllers
     from solver.model.state_space import StateSpace as System
     from solver.tuning.tuner import tune
 
     specification = request.build()
     tuning = tune(specification)
     task = specification.arranged(tuning.pairing)
-    limit = multivariable_limit(task.plant, task.uncertainty, task.performance)
+    comparison = compare_controllers(task)
+    limit = comparison.limit
+    others = alternatives_to_json(comparison)
     peak = None if tuning.peaks is None else tuning.peaks.robust_performance.value
     loops_value = tuning.tau_p if limit.objective == "tau_p" else peak
     built = None
@@ -208,61 +201,38 @@ def compute(request: LimitRequest) -> dict[str, Any]:
         },
         "peaks": None if built is None else built["peaks"],
         "curves": None if built is None else built["curves"],
-        "warnings": list(limit.warnings),
+        **{name: others[name] for name in ("alternatives", "verdict")},
+        "warnings": list(comparison.warnings),
     }
-    return {**document, "verdict": _verdict(document, request.controller.kind)}
-
-
-def _verdict(document: dict[str, Any], kind: str) -> str:
-    """Return the comparison in a sentence, from the numbers that are printed beside it."""
-    name, loops = document["objective"], document["decentralised"]["value"]
-    if loops is not None:
-        single = f"Single {kind} loops reach {name} = {number(loops)}"
-    elif document["decentralised"]["status"] == "time_limit":
-        single = f"The time limit ended the search for single {kind} loops"
-    else:
-        single = f"No single {kind} loops were found that meet the demand"
-    if document["value"] is None:
-        return f"{single}; {document['reason']}."
-    found = number(document["value"])
-    parts = [single, f"the best multivariable controller found reaches {found}"]
-    built = document["multivariable"]
-    value = None
-    if built is not None:
-        value = built["tau_p" if name == "tau_p" else "peaks"]
-        if name == "mu":
-            value = value["robust_performance"]["value"]
-        parts.append(f"one that can be built {number(value)}")
-    if document["lower_bound"]["value"]:
-        parts.append(f"nothing linear can go below {number(document['lower_bound']['value'])}")
-    sentence = "; ".join(parts)
-    if loops is None or value is None:
-        return f"{sentence}."
-    if name == "mu":
-        return f"{sentence}: a multivariable controller has {value / loops:.0%} of their peak."
-    return f"{sentence}: a multivariable controller would be {loops / value:.1f} times as fast."
+    return document
 
 
 def table(result: LimitResult) -> list[Part]:
     """Return the verdict, the table and the peaks."""
     parts: list[Part] = [Line(result.verdict, "strong")]
     built = result.multivariable
-    peak = None if built is None else built.peaks.robust_performance.value
     rows = [
-        ("single loops", _text(result.decentralised.value), ""),
-        (
-            "multivariable, built",
-            _text(None if built is None else built.tau_p if result.objective == "tau_p" else peak),
-            "" if built is None else str(built.states),
-        ),
-        ("multivariable, limit found", _text(result.value), ""),
-        ("no controller below", _text(result.lower_bound.value), ""),
+        (NAMES[each.family], _text(each.value), _text(each.ratio), *_manual(each))
+        for each in result.alternatives
     ]
-    parts.append(Grid(("", result.objective, "states"), rows, frozenset({0})))
+    rows += [
+        ("multivariable, limit found", _text(result.value), "", "", ""),
+        ("no controller below", _text(result.lower_bound.value), "", "", ""),
+    ]
+    heads = ("", result.objective, "ratio", "one in manual", "mu then")
+    parts.append(Grid(heads, rows, frozenset({0, 3})))
     if built is not None:
         parts.append(peaks_grid(built.peaks))
         parts.append(Line(f"Not proven over all frequencies: {built.guarantee.reason}."))
     return [*parts, *warning_lines(result.warnings)]
+
+
+def _manual(alternative: Alternative) -> tuple[str, str]:
+    """Return what putting the worst unit in manual does to the others."""
+    found = alternative.manual
+    if found is None:
+        return "", ""
+    return ("stable" if found.stable else "UNSTABLE", _text(found.peak))
 
 
 def _text(value: float | None) -> str:
@@ -287,7 +257,7 @@ ANALYSIS = Analysis(
     request=LimitRequest,
     result=LimitResult,
     compute=compute,
-    computes_with=("solver.limits.multivariable", "solver.tuning.tuner"),
+    computes_with=("solver.limits.comparison", "solver.tuning.tuner"),
     table=table,
     figures=Figures(of="a limit", drawn=DrawnLimit, draw=draw),
 )

@@ -19,9 +19,11 @@ import solver.model.weights
 from service.analysis import Analysis, Figures
 from service.effort import different_loops
 from service.printing import ROUNDED, Grid, Line, Part, peaks_grid, proof_lines, warning_lines
+from service.schemas.controllers import Loop
 from service.schemas.drawn import DrawnRobustness
 from service.schemas.encoding import encode
-from service.schemas.fields import Frequency, IdentifiedResult, ResultModel
+from service.schemas.fields import Frequency, IdentifiedResult, ResultModel, below
+from service.schemas.full_controllers import Built, FullController
 from service.schemas.given_loops import EXAMPLE, GivenLoops
 from service.schemas.margins import Bandwidths, LoopMargins
 from service.schemas.peaks import PEAK_EXAMPLE, Curves, Guarantee, Peak, Peaks
@@ -29,6 +31,7 @@ from service.schemas.worst_case import WorstCase
 from service.wording import number, units_text
 from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError
+from solver.model.plants import MAX_UNITS
 from solver.tuning.advice import NEAR_ONE, weights_factor
 
 __all__ = ["ANALYSIS", "RobustnessRequest", "RobustnessResult", "RobustnessTask"]
@@ -51,6 +54,16 @@ class RobustnessTask:
     certificate: bool
 
 
+@dataclass(frozen=True)
+class FullTask:
+    """Arguments of `solver.robustness.centralised.analyse_centralised`."""
+
+    plant: solver.model.plants.Plant
+    uncertainty: solver.model.weights.Uncertainty
+    performance: solver.model.weights.Performance
+    controller: Built
+
+
 class RobustnessRequest(GivenLoops):
     """Ask how robust given loop settings are."""
 
@@ -66,6 +79,19 @@ class RobustnessRequest(GivenLoops):
         description="full: the result carries a proof, for all frequencies, of a level just above "
         "its peak; none: the result is smaller, and its guarantee stands all the same.",
         examples=["full"],
+    )
+
+    loops: Annotated[tuple[Loop, ...], Field(max_length=MAX_UNITS)] = Field(
+        default=(),
+        description="Settings, one entry a unit; or else a controller.",
+        examples=[EXAMPLE["loops"]],
+    )
+    controller: FullController | None = Field(
+        default=None,
+        description="A full controller u = C e in place of loops: a state space, a transfer "
+        "matrix, or, for a parallel plant, one on the sum and one on the differences of its units. "
+        "Proofs and certificates are for single loops.",
+        examples=[None],
     )
 
     method: Literal["kernel", "sdp"] = Field(
@@ -86,6 +112,9 @@ class RobustnessRequest(GivenLoops):
             A value that the mathematics cannot accept, by pointer into this request.
 
         """
+        if self.controller is not None:
+            message = "a full controller is analysed by itself"
+            raise InvalidInputError(message, "/controller")
         task = self.parts()
         omega = None if self.omega is None else np.array(self.omega)
         if omega is not None and np.any(np.diff(omega) <= 0):
@@ -100,6 +129,30 @@ class RobustnessRequest(GivenLoops):
             omega,
             self.certificate == "full",
         )
+
+    def build_full(self) -> FullTask:
+        """Return the arguments of the solver's analysis of a full controller.
+
+        Raises
+        ------
+        InvalidInputError
+            As `build`, or what is for single loops alone beside it.
+
+        """
+        assert self.controller is not None  # noqa: S101 - for the type checker
+        alone = {
+            "/loops": bool(self.loops),
+            "/omega": self.omega is not None,
+            "/method": self.method != "kernel",
+        }
+        for field, given in alone.items():
+            if given:
+                message = "this is for single loops, not for a full controller"
+                raise InvalidInputError(message, field)
+        plant, uncertainty, performance = self.weights()
+        with below("/controller"):
+            controller = self.controller.build()
+        return FullTask(plant, uncertainty, performance, controller)
 
 
 class ModelTolerance(ResultModel):
@@ -222,6 +275,8 @@ class RobustnessResult(IdentifiedResult, ResultModel):
 
 def compute(request: RobustnessRequest) -> dict[str, Any]:
     """Return the robustness of the request's loops."""
+    if request.controller is not None:
+        return _full(request.build_full())
     from solver.robustness.analysis import analyse
     from solver.robustness.scan import scan_remark
 
@@ -247,6 +302,15 @@ def compute(request: RobustnessRequest) -> dict[str, Any]:
         analysis = LoopAnalysis(*loops, task.uncertainty, task.performance)
         document["cross_check"] = encode(cross_check(analysis, found.peaks.robust_performance))
     return document
+
+
+def _full(task: FullTask) -> dict[str, Any]:
+    """Return the robustness of a full controller; what is for single loops is left out."""
+    from solver.robustness.centralised import analyse_centralised
+
+    found = analyse_centralised(task.plant, task.uncertainty, task.performance, task.controller)
+    of_loops = ("lower_bound", "worst_case", "uncertainty_scaling", "certificate")
+    return {**encode(found), **dict.fromkeys(of_loops), "margins": []}
 
 
 def table(result: RobustnessResult) -> list[Part]:

@@ -92,6 +92,10 @@ def tune(
         ),
     ] = False,
     time_unit: TimeUnit = None,
+    limit: Annotated[
+        bool,
+        typer.Option("--limit", help="Say what other kinds of controllers could do."),
+    ] = False,
 ) -> None:
     """Find the fastest robust loop settings."""
     # What is imported stays: looking through it a hundred times takes a tenth of a short command.
@@ -105,6 +109,7 @@ def tune(
             report=report,
             optimality_gap=optimality_gap,
             time_unit=time_unit,
+            limit=limit,
         )
     )
 
@@ -313,11 +318,18 @@ def verify(
     certificate: Annotated[
         Path, typer.Argument(metavar="CERTIFICATE.json", help="Certificate; - reads stdin.")
     ],
+    *,
+    sdp: Annotated[
+        bool,
+        typer.Option(
+            "--sdp", help="Recompute mu at the peaks by semidefinite programming as well."
+        ),
+    ] = False,
 ) -> None:
     """Check a certificate from its file alone: exit 0 where it proves its claim, else 1."""
     from service.cli.verifying import verify_file  # noqa: PLC0415 - heavy
 
-    raise typer.Exit(verify_file(certificate))
+    raise typer.Exit(verify_file(certificate, sdp=sdp))
 
 
 @app.command()

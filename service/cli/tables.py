@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Literal
 
 from service.printing import (
@@ -62,11 +62,7 @@ def tuning_table(result: TuningResult, *, interrupted: bool = False) -> list[Par
         parts.append(Line(typed))
     if result.settings_tolerance is not None:
         parts += _ranges(result, result.settings_tolerance)
-    optimality = optimality_text(result.optimality)
-    if optimality is not None:
-        parts.append(Line(optimality))
-    if result.integrity is not None:
-        parts.append(Line(f"{result.integrity[0].upper()}{result.integrity[1:]}."))
+    parts += [Line(text) for text in _sentences(result)]
     parts += [Line(sentence) for sentence in result.advice]
     parts += proof_lines(result.certificate, result.guarantee)
     parts.append(Line(_search(result.search)))
@@ -202,3 +198,14 @@ def _search(search: SearchSummary) -> str:
         f"{search.starts} starts in {search.elapsed_seconds:.2f} s, seed {search.seed}; "
         f"local optima: {listed or 'none'}{more}"
     )
+
+
+def _sentences(result: TuningResult) -> Iterator[str]:
+    """Yield how good the settings are among others, and what happens with loops in manual."""
+    optimality = optimality_text(result.optimality)
+    if optimality is not None:
+        yield optimality
+    if result.limit is not None:
+        yield result.limit.verdict
+    if result.integrity is not None:
+        yield f"{result.integrity[0].upper()}{result.integrity[1:]}."

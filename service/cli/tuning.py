@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 import solver.tuning.record
+from service.beyond import with_limit
 from service.cli.console import show
 from service.cli.handing_on import in_unit
 from service.cli.interruption import Stopping
@@ -36,6 +37,7 @@ def tune_file(
     report: Path | None = None,
     optimality_gap: bool = False,
     time_unit: str | None = None,
+    limit: bool = False,
 ) -> ExitCode:
     """Tune the request in `path`, print the result and write a report of it.
 
@@ -51,6 +53,8 @@ def tune_file(
         Ask for the proof even if the request does not.
     time_unit : str or None
         Name of the unit of time, instead of the request's.
+    limit : bool
+        Ask for other kinds of controllers even if the request does not.
 
     Returns
     -------
@@ -60,9 +64,9 @@ def tune_file(
 
     """
     request = parse_tuning_request(read_input(path))
-    if optimality_gap:
-        search = request.search.model_copy(update={"optimality_gap": True})
-        request = request.model_copy(update={"search": search})
+    wanted = {"optimality_gap": optimality_gap, "limit": limit}
+    search = request.search.model_copy(update={name: True for name in wanted if wanted[name]})
+    request = request.model_copy(update={"search": search})
     request = in_unit(request, time_unit)
     with Stopping() as stopping:
         document = _tune(request, stopping)
@@ -111,4 +115,6 @@ def _tune(request: TuningRequest, stopping: Stopping) -> dict[str, object]:
         compiling = Compiling(lambda: console.print(_COMPILING))
         tuning = tuner.tune(request.build(), on_progress)
         del compiling
-        return tuning_to_json(tuning) | request.identity()
+        bar.update(task, description="Other controllers")
+        document = with_limit(request, tuning_to_json(tuning), lambda: stopping.wanted)
+        return document | request.identity()

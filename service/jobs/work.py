@@ -13,6 +13,7 @@ from distributed import Worker, get_worker
 from pydantic_core import to_json
 
 import service.schemas
+from service.beyond import with_limit
 from service.jobs.records import JobStatus, Outcome
 from service.problems import NumbersError, describe
 from solver.model.errors import Cancelled, InvalidInputError
@@ -84,9 +85,13 @@ class _Reporter:
         self._wants = wants
         self._next = time.monotonic() + _REPORT_EVERY
 
-    def __call__(self, progress: Progress) -> None:
+    def check(self) -> None:
+        """Raise `Cancelled` where nobody waits for the result any more."""
         if not self._wants(self._call):
             raise Cancelled
+
+    def __call__(self, progress: Progress) -> None:
+        self.check()
         now = time.monotonic()
         if now >= self._next:
             self._next = now + _REPORT_EVERY
@@ -102,6 +107,7 @@ def _outcome(request: str, report: _Reporter) -> Outcome:
     try:
         asked = service.schemas.parse_tuning_request(request)
         tuning = tuner.tune(asked.build(), report)
+        document = with_limit(asked, service.schemas.tuning_to_json(tuning), report.check)
     except Cancelled:
         return Outcome(JobStatus.CANCELLED)
     except InvalidInputError as error:
@@ -113,7 +119,7 @@ def _outcome(request: str, report: _Reporter) -> Outcome:
         logger.exception("a tuning failed")
         return Outcome(JobStatus.FAILED, error=json.dumps(describe(error)))
     # Pydantic's writer takes a tenth of the time of the standard library's.
-    result = to_json(service.schemas.tuning_to_json(tuning) | asked.identity()).decode()
+    result = to_json(document | asked.identity()).decode()
     timed_out = tuning.status is Status.TIME_LIMIT
     status = JobStatus.TIMED_OUT if timed_out else JobStatus.SUCCEEDED
     return Outcome(status, result, best=_reached(tuning))

@@ -73,13 +73,19 @@ class GivenLoops(ArrangedRequest):
         description="Settings, one entry a unit.", examples=[EXAMPLE["loops"]]
     )
 
-    def parts(self) -> LoopsTask:
-        """Return the solver's plant, weights and loops.
+    def weights(
+        self,
+    ) -> tuple[
+        solver.model.plants.Plant,
+        solver.model.weights.Uncertainty,
+        solver.model.weights.Performance,
+    ]:
+        """Return the solver's plant and weights.
 
         Raises
         ------
         InvalidInputError
-            A value that the mathematics cannot accept, by pointer into this request.
+            As `parts`.
 
         """
         with below("/plant"):
@@ -93,6 +99,18 @@ class GivenLoops(ArrangedRequest):
         if performance.tau_p is None:
             message = "an analysis needs a time constant"
             raise InvalidInputError(message, "/performance/tau_p")
+        return plant, uncertainty, performance
+
+    def parts(self) -> LoopsTask:
+        """Return the solver's plant, weights and loops.
+
+        Raises
+        ------
+        InvalidInputError
+            A value that the mathematics cannot accept, by pointer into this request.
+
+        """
+        plant, uncertainty, performance = self.weights()
         loops = given_loops(self.loops, "/loops")
         if len(loops) != plant.n:
             message = f"{len(loops)} loops for a plant of {plant.n} units"

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, JsonValue
 
+from service.schemas.alternatives import Alternatives
 from service.schemas.arrangement import PairingOrBest
 from service.schemas.controllers import ControllerChoice, Loop, given_loops
 from service.schemas.demands import DemandOutcome, Demands
@@ -107,6 +108,12 @@ class Search(RequestModel):
         description="Whether to prove how far tau_p is from the least possible one, in what the "
         "search leaves of the time limit. For the objective tau_p, PI with at most two different "
         "controllers or PID with identical ones; a matrix plant has at most two units.",
+        examples=[False],
+    )
+    limit: bool = Field(
+        default=False,
+        description="Whether to find what other kinds of controllers could do, in what the search "
+        "leaves of the time limit: PID loops, decoupling, any multivariable controller.",
         examples=[False],
     )
 
@@ -422,6 +429,11 @@ class TuningResult(IdentifiedResult, ResultModel):
     )
     optimality: Optimality | None = Field(
         description="How far tau_p is from the least possible one, where asked for.",
+        examples=[None],
+    )
+    limit: Alternatives | None = Field(
+        default=None,
+        description="What other kinds of controllers could do, where asked for.",
         examples=[None],
     )
     integrity: str | None = Field(

@@ -13,12 +13,12 @@ from solver.limits.record import Limit, LimitStatus, Realised
 from solver.limits.search import LimitSearch, least_tau_p
 from solver.model.errors import InvalidInputError
 from solver.model.given import require_fit
+from solver.model.mode_controller import ModeController
 from solver.model.open_loop import require_supported
 from solver.model.plants import Plant
 from solver.model.validation import instance
 from solver.robustness.centralised import (
     CentralisedAnalysis,
-    ModeController,
     analyse_centralised,
     centralised_poles,
 )

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import linalg
 
-from solver.model.state_space import StateSpace
+from solver.model.state_space import StateSpace, from_polynomials
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -101,7 +101,7 @@ def _model(search: LimitSearch, own: YoulaBlock) -> StateSpace:
     for row, entries in enumerate(search.blocks.terms(own.index)):
         for column, terms in enumerate(entries):
             for factor, element in terms:
-                one = _times(factor, _realised(element, lifted[column]))
+                one = _realised(element, lifted[column]).times(factor)
                 places.append(
                     StateSpace(
                         one.A,
@@ -122,29 +122,10 @@ def _realised(function: TransferFunction, fast: float | None) -> StateSpace:
         else:
             num = np.append(num, 0.0)
         den = np.convolve(den, [1 / fast, 1.0])
-    rational = _from_polynomials(num, den)
+    rational = from_polynomials(num, den)
     if not function.dead_time:
         return rational
     return _pade(function.dead_time).after(rational)
-
-
-def _from_polynomials(num: NDArray[np.float64], den: NDArray[np.float64]) -> StateSpace:
-    """Return the canonical form, time scaled so that its coefficients are near each other."""
-    order = len(den) - 1
-    num = np.concatenate([np.zeros(order + 1 - len(num)), num]) / den[0]
-    den = den / den[0]
-    if not order:
-        return StateSpace(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), [[num[0]]])
-    sizes = np.abs(den[1:]) ** (1 / np.arange(1, order + 1))
-    unit = float(sizes.max()) or 1.0
-    power = unit ** np.arange(order + 1)
-    den, num = den / power, num / power
-    A = np.zeros((order, order))
-    A[0] = -den[1:]
-    A[1:, :-1] = np.eye(order - 1)
-    B = np.eye(order)[:, :1]
-    C = (num[1:] - num[0] * den[1:])[None]
-    return StateSpace(unit * A, unit * B, C, [[num[0]]])
 
 
 def _pade(dead_time: float) -> StateSpace:
@@ -161,17 +142,13 @@ def _pade(dead_time: float) -> StateSpace:
     )
     upper = roots[roots.imag > 0] / dead_time  # an even order has no real root
     sections = [
-        _from_polynomials(
+        from_polynomials(
             np.array([1.0, 2 * root.real, abs(root) ** 2]),
             np.array([1.0, -2 * root.real, abs(root) ** 2]),
         )
         for root in upper
     ]
     return functools.reduce(StateSpace.after, sections)
-
-
-def _times(factor: float, system: StateSpace) -> StateSpace:
-    return StateSpace(system.A, system.B, factor * system.C, factor * system.D)
 
 
 def _lift(own: YoulaBlock) -> StateSpace:

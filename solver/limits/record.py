@@ -8,8 +8,11 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from solver.limits.lower_bound import LowerBound
+    from solver.model.mode_controller import ModeController
     from solver.model.state_space import StateSpace
-    from solver.robustness.centralised import Centralised, ModeController
+    from solver.robustness.centralised import (
+        Centralised,
+    )
 
 __all__ = ["Limit", "LimitStatus", "Realised"]
 

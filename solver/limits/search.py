@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from solver.model.plants import Plant
     from solver.model.weights import Performance, Uncertainty
 
-__all__ = ["Found", "LimitSearch", "least_tau_p"]
+__all__ = ["Found", "LimitSearch", "bandwidth_of", "least_tau_p"]
 
 SETTLED = 2e-4  # relative gain of a step below which the next ones gain less
 REFINED = 5e-3  # relative gain of a richer basis below which the value has settled
@@ -49,6 +49,7 @@ MATRIX_DENSITY = 2.5  # of the poles of its basis
 DENSER = 5  # points of the checking grid for each one of the program's
 POLES_PER_DECADE = (1.5, 2.5, 4.0)  # of the basis, each pole twice: of one refinement after another
 DIGITS = 1e-9  # of a tau_P: the last ones that a peak on a grid can have a use for
+BISECTED = 1e-7  # the same within the search, whose steps end at gains a thousand times as large
 SLOWEST, FASTEST = 1e-9, 1e9  # of tau_P over the time of the bandwidth
 
 
@@ -137,7 +138,7 @@ class LimitSearch:
         self.target = TARGET
         self.blocks = central_blocks(plant, uncertainty)
         bends = corners(plant, uncertainty)
-        self.bandwidth = _bandwidth(plant, uncertainty, bends)
+        self.bandwidth = bandwidth_of(plant, uncertainty, bends)
         low = min(max(bends.min() / 3, 1e-4 * self.bandwidth), self.bandwidth / 30)
         high = max(min(15 * bends.max(), 300 * self.bandwidth), 30 * self.bandwidth)
         self.youla = youla_blocks(self.blocks, fast=10 * high)
@@ -359,7 +360,9 @@ class _State:
     def least_tau_p(self, X: list[NDArray[np.float64]], start: float, level: float) -> float:
         """Least tau_P at which the coefficients keep mu at `level` or below on the grid."""
         rows = [(block, *self._columns(block, x)) for block, x in zip(self.affine, X, strict=True)]
-        return least_tau_p(lambda tau_p: float(self._curve(rows, tau_p)[0].max()), start, level)
+        return least_tau_p(
+            lambda tau_p: float(self._curve(rows, tau_p)[0].max()), start, level, digits=BISECTED
+        )
 
     def _columns(
         self, block: AffineBlock, x: NDArray[np.float64]
@@ -380,7 +383,7 @@ class _State:
         return mu, 1 / x
 
 
-def _bandwidth(plant: Plant, uncertainty: Uncertainty, bends: NDArray[np.float64]) -> float:
+def bandwidth_of(plant: Plant, uncertainty: Uncertainty, bends: NDArray[np.float64]) -> float:
     """Where |w_I| passes 1 or the dead time ends any loop; else the fastest bend."""
     omega = grid(1e-3 * float(bends.min()), 1e3 * float(bends.max()), 20)
     over = np.flatnonzero(uncertainty.magnitude(omega) >= 1)

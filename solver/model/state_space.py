@@ -9,19 +9,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from solver.model.equality import ByValue
 from solver.model.errors import InvalidInputError
 from solver.model.validation import read_only, real_array
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["MAX_STATES", "StateSpace"]
+    from solver.model.plants import MatrixPlant
+
+__all__ = ["MAX_STATES", "StateSpace", "from_polynomials", "from_transfer_matrix"]
 
 MAX_STATES = 400
 
 
 @dataclass(frozen=True, eq=False)
-class StateSpace:
+class StateSpace(ByValue):
     """A rational system G(s) = C (s I - A)^-1 B + D.
 
     Parameters
@@ -98,6 +101,12 @@ class StateSpace:
             self.D + other.D,
         )
 
+    def times(self, factor: float | NDArray[np.float64]) -> StateSpace:
+        """Return the system with its outputs multiplied by a number or a matrix (q, p)."""
+        if isinstance(factor, np.ndarray):
+            return StateSpace(self.A, self.B, factor @ self.C, factor @ self.D)
+        return StateSpace(self.A, self.B, factor * self.C, factor * self.D)
+
     def after(self, other: StateSpace) -> StateSpace:
         """Return self(s) other(s): `other` acts first."""
         return StateSpace(
@@ -108,6 +117,56 @@ class StateSpace:
             np.hstack([self.D @ other.C, self.C]),
             self.D @ other.D,
         )
+
+
+def from_polynomials(num: NDArray[np.float64], den: NDArray[np.float64]) -> StateSpace:
+    """Return num(s)/den(s), descending powers, in its canonical form.
+
+    Time is scaled so that its coefficients are near each other; the degree of `num` is at most
+    that of `den`.
+    """
+    order = len(den) - 1
+    num = np.concatenate([np.zeros(order + 1 - len(num)), num]) / den[0]
+    den = den / den[0]
+    if not order:
+        return StateSpace(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), [[num[0]]])
+    sizes = np.abs(den[1:]) ** (1 / np.arange(1, order + 1))
+    unit = float(sizes.max()) or 1.0
+    power = unit ** np.arange(order + 1)
+    den, num = den / power, num / power
+    A = np.zeros((order, order))
+    A[0] = -den[1:]
+    A[1:, :-1] = np.eye(order - 1)
+    B = np.eye(order)[:, :1]
+    C = (num[1:] - num[0] * den[1:])[None]
+    return StateSpace(unit * A, unit * B, C, [[num[0]]])
+
+
+def from_transfer_matrix(matrix: MatrixPlant) -> StateSpace:
+    """Return a matrix of transfer functions in state space, a column's states apart by element.
+
+    Raises
+    ------
+    InvalidInputError
+        An element with dead time.
+
+    """
+    each = np.eye(matrix.n)
+    whole = StateSpace(np.zeros((0, 0)), np.zeros((0, matrix.n)), np.zeros((matrix.n, 0)), 0 * each)
+    for row in range(matrix.n):
+        for column in range(matrix.n):
+            element = matrix.element(row, column)
+            if element.dead_time:
+                message = "an element with dead time has no state space"
+                raise InvalidInputError(message, f"/elements/{row}/{column}/dead_time")
+            if element.is_zero:
+                continue
+            one = from_polynomials(np.array(element.num), np.array(element.den))
+            placed = StateSpace(one.A, one.B @ each[[column]], one.C, one.D @ each[[column]]).times(
+                each[:, [row]]
+            )
+            whole = whole.beside(placed)
+    return whole
 
 
 def _matrix(value: ArrayLike, field: str, *, empty: bool = False) -> NDArray[np.float64]:

@@ -21,6 +21,7 @@ from solver.model.blocks import reduce
 from solver.model.errors import InvalidInputError
 from solver.model.frequencies import corners, grid, low_end, resonances
 from solver.model.given import require_weights
+from solver.model.mode_controller import ModeController
 from solver.model.open_loop import require_supported
 from solver.model.peaks import highest, slices
 from solver.model.plants import MatrixPlant, Plant
@@ -42,7 +43,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Centralised",
     "CentralisedAnalysis",
-    "ModeController",
+    "analyse_blocks",
     "analyse_centralised",
     "best_scales",
     "central_blocks",
@@ -52,52 +53,6 @@ __all__ = [
 POINTS_PER_DECADE = 48
 LOWEST = 1e-18  # of the lowest bend, as for single loops
 ON_THE_AXIS = 1e-9  # relative real part below which a controller's pole counts as an integrator
-
-
-@dataclass(frozen=True)
-class ModeController:
-    """A parallel controller: one on the sum of all units, one on their differences.
-
-    u = c_d (e - mean(e)) + c_s mean(e): c_s acts on the mean, c_d on what remains.
-
-    Parameters
-    ----------
-    total, difference : StateSpace
-        c_s and c_d, one input and one output each.
-
-    """
-
-    total: StateSpace
-    difference: StateSpace
-
-    def __post_init__(self) -> None:
-        for name in ("total", "difference"):
-            instance(getattr(self, name), StateSpace, f"/{name}")
-            if getattr(self, name).D.shape != (1, 1):
-                message = "a mode controller has one input and one output"
-                raise InvalidInputError(message, f"/{name}")
-
-    def full(self, n: int) -> StateSpace:
-        """Return the n x n controller."""
-        mean = np.full((n, 1), 1 / n)
-        rest = np.linalg.svd(np.eye(n) - 1 / n)[0][:, : n - 1]  # orthonormal, of zero mean
-        total = StateSpace(
-            self.total.A,
-            self.total.B @ mean.T,
-            np.ones((n, 1)) @ self.total.C,
-            np.ones((n, 1)) @ self.total.D @ mean.T,
-        )
-        if n == 1:
-            return total
-        each = np.eye(n - 1)
-        d = self.difference
-        difference = StateSpace(
-            np.kron(each, d.A),
-            np.kron(each, d.B) @ rest.T,
-            rest @ np.kron(each, d.C),
-            rest @ np.kron(each, d.D) @ rest.T,
-        )
-        return total.beside(difference)
 
 
 FullController = StateSpace | MatrixPlant | ModeController
@@ -310,6 +265,16 @@ def analyse_centralised(
     instance(controller, FullController, "/controller")
     require_supported(plant)
     blocks, controllers = _paired(plant, uncertainty, controller)
+    return analyse_blocks(blocks, controllers, uncertainty, performance)
+
+
+def analyse_blocks(
+    blocks: LoopBlocks,
+    controllers: tuple[StateSpace | MatrixPlant, ...],
+    uncertainty: Uncertainty,
+    performance: Performance,
+) -> Centralised:
+    """Analyse a full controller that is given block by block, see `CentralisedAnalysis`."""
     unstable = centralised_poles(blocks, controllers)
     if unstable:
         warning = "the closed loop is unstable: mu has no meaning for it"

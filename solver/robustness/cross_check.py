@@ -12,20 +12,27 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from solver.model.blocks import group_loops
 from solver.model.errors import InvalidInputError
+from solver.model.peaks import Peak, local_peaks
 from solver.mu.sdp import upper_bound
 from solver.mu.structure import BlockStructure
+from solver.robustness.curves import LoopAnalysis
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from solver.model.blocks import LoopBlocks
-    from solver.model.peaks import Peak
-    from solver.robustness.curves import LoopAnalysis
+    from solver.model.controllers import Controller
+    from solver.model.plants import Plant
+    from solver.model.weights import Performance, Uncertainty
 
-__all__ = ["MAX_CHANNELS", "CrossCheck", "cross_check"]
+__all__ = ["MAX_CHANNELS", "CrossCheck", "cross_check", "cross_check_peaks"]
 
 MAX_CHANNELS = 20  # of all blocks together: some seconds; the program grows with its sixth power
+PEAKS = 8  # highest ones; a second each for four different loops
 AGREEMENT = 1e-5  # relative; the kernel's last digits are beyond what a program is solved to
 
 
@@ -76,6 +83,34 @@ def cross_check(analysis: LoopAnalysis, peak: Peak) -> CrossCheck:
     kernel = float(analysis.robust_performance(omega)[0])
     agree = abs(sdp - kernel) <= AGREEMENT * kernel
     return CrossCheck(peak.omega, kernel, sdp, agree)
+
+
+def cross_check_peaks(
+    plant: Plant, uncertainty: Uncertainty, performance: Performance, loops: Sequence[Controller]
+) -> list[CrossCheck]:
+    """Return the bounds at the highest peaks of robust performance, by ascending frequency.
+
+    Parameters
+    ----------
+    plant : Plant
+        The plant.
+    uncertainty, performance : Uncertainty, Performance
+        The weights; `performance.tau_p` is needed.
+    loops : sequence of Controller
+        One a unit, nominally stable together.
+
+    Raises
+    ------
+    InvalidInputError
+        As `cross_check`.
+
+    """
+    blocks, controllers = group_loops(plant, loops, uncertainty, performance.output_scale)
+    analysis = LoopAnalysis(blocks, controllers, uncertainty, performance)
+    curve = analysis.robust_performance
+    where, heights = local_peaks(curve, analysis.omega, curve(analysis.omega))
+    highest = np.sort(np.argsort(heights)[::-1][:PEAKS])
+    return [cross_check(analysis, Peak(float(heights[at]), float(where[at]))) for at in highest]
 
 
 def _stacked(

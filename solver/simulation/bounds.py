@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from solver.model.state_space import StateSpace
     from solver.simulation.experiment import Step
     from solver.simulation.loops import Loop
     from solver.simulation.paths import Paths
@@ -32,6 +33,8 @@ def default_bounds(
     distribution: NDArray[np.float64],
     duration: float,
     moved: tuple[NDArray[np.float64], NDArray[np.float64]],
+    *,
+    controller: StateSpace | None = None,
 ) -> NDArray[np.float64]:
     """Return bounds that outputs stay below, unless unstable.
 
@@ -47,6 +50,8 @@ def default_bounds(
         Time simulated.
     moved : tuple of (k,)
         Sizes of what moves the inputs and of what moves the outputs.
+    controller : StateSpace or None
+        A full controller in place of loops.
 
     Returns
     -------
@@ -60,6 +65,9 @@ def default_bounds(
     first = np.maximum(outputs, (gain * inputs).max(axis=1))
     answers = np.array([0.0 if loop is None else _gain(loop, duration) for loop in loops])
     answer = (np.abs(distribution) * (answers * first)).max(axis=1)
+    if controller is not None:
+        answering = np.abs(controller.D) + np.abs(controller.response(1 / duration)[0])
+        answer = (answering * first).max(axis=1)
     expected = np.maximum(first, (gain * answer).max(axis=1))
     return np.where(expected > 0, _FAR * expected, np.finfo(float).max)
 

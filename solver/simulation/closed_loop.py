@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from solver.model.state_space import StateSpace
     from solver.simulation.actuators import Actuators
     from solver.simulation.experiment import Step
     from solver.simulation.loops import Limits, Loop
@@ -59,6 +60,8 @@ def close(
     distribution: NDArray[np.float64],
     actuators: Actuators | None = None,
     limits: Sequence[Limits | None] | None = None,
+    *,
+    controller: StateSpace | None = None,
 ) -> ClosedLoop:
     """Wire a plant and its loops.
 
@@ -74,6 +77,8 @@ def close(
         From the wanted plant inputs to the actual ones, for all units of the plant.
     limits : sequence of Limits or None, optional
         Of each plant input.
+    controller : StateSpace, optional
+        A full controller on the errors of all units, in place of loops, which are open then.
 
     """
     wiring = Wiring()
@@ -110,6 +115,12 @@ def close(
         for row in units:
             if distribution[row, unit] != 0:
                 wiring.connect(wanted[row], _scaled(law, float(distribution[row, unit])))
+    if controller is not None:
+        measured_errors = [
+            [Term(set_points[unit], 1.0), Term(outputs[unit], -1.0), Term(noises[unit], -1.0)]
+            for unit in units
+        ]
+        _connect_controller(wiring, controller, measured_errors, wanted)
     _connect_plant(wiring, paths, _actual(wiring, paths, actuators, inputs), loads, outputs)
     return ClosedLoop(
         wiring=wiring,
@@ -177,6 +188,30 @@ def _connect_plant(
         for row in range(paths.size):
             for function, weight in paths.between(row, column):
                 wiring.connect(outputs[row], _scaled(wiring.transfer(function, arriving), weight))
+
+
+def _connect_controller(
+    wiring: Wiring,
+    controller: StateSpace,
+    errors: Sequence[list[Term]],
+    wanted: Sequence[Place],
+) -> None:
+    """Wire u = C x + D e, x' = A x + B e."""
+    states = [wiring.state() for _ in range(controller.states)]
+
+    def combined(by_state: NDArray[np.float64], by_error: NDArray[np.float64]) -> list[Term]:
+        terms = [
+            Term(state, float(gain)) for state, gain in zip(states, by_state, strict=True) if gain
+        ]
+        for error, gain in zip(errors, by_error, strict=True):
+            if gain:
+                terms += _scaled(error, float(gain))
+        return terms
+
+    for row, state in enumerate(states):
+        wiring.connect(state, combined(controller.A[row], controller.B[row]))
+    for row, place in enumerate(wanted):
+        wiring.connect(place, combined(controller.C[row], controller.D[row]))
 
 
 def _scaled(terms: Iterable[Term], gain: float) -> list[Term]:

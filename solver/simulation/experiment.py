@@ -12,6 +12,7 @@ from solver.model.controllers import Controller
 from solver.model.equality import ByValue
 from solver.model.errors import InvalidInputError
 from solver.model.plants import Plant
+from solver.model.state_space import StateSpace
 from solver.model.transfer_function import LARGEST
 from solver.model.validation import (
     choice,
@@ -118,6 +119,9 @@ class Experiment(ByValue):
     bound : float or None
         The simulation ends where an output exceeds it. None: those of
         `default_bounds`.
+    controller : StateSpace or None
+        A full controller u = C e, e set point minus measured output, in place of loops, which
+        are all None then; without limits and distribution.
 
     """
 
@@ -131,6 +135,7 @@ class Experiment(ByValue):
     limits: tuple[Limits | None, ...] | None = None
     distribution: NDArray[np.float64] | None = None
     bound: float | None = None
+    controller: StateSpace | None = None
 
     def __post_init__(self) -> None:
         self._settle()
@@ -169,6 +174,8 @@ class Experiment(ByValue):
         if self.distribution is not None:
             distribution = real_array(self.distribution, "/distribution", ndim=2)
             settle(self, distribution=distribution)
+        if self.controller is not None:
+            instance(self.controller, StateSpace, "/controller")
         if self.bound is not None:
             settle(self, bound=real(self.bound, "/bound"))
 
@@ -180,7 +187,7 @@ class Experiment(ByValue):
             if not step.time < self.duration:
                 message = f"the step comes after the end of the simulation, {self.duration:g}"
                 raise InvalidInputError(message, f"/steps/{index}/time")
-            if not acts(step.kind, self.loops[step.unit]):
+            if self.controller is None and not acts(step.kind, self.loops[step.unit]):
                 message = f"nothing in loop {step.unit} listens to a step of its {step.kind}"
                 raise InvalidInputError(message, f"/steps/{index}/kind")
 
@@ -191,6 +198,8 @@ class Experiment(ByValue):
             if given is not None and len(given) != n:
                 message = f"{len(given)} given, the plant has {n} units"
                 raise InvalidInputError(message, f"/{name}")
+        if self.controller is not None:
+            self._check_controller(self.controller)
         if self.distribution is None:
             return
         if self.distribution.shape != (n, n):
@@ -199,3 +208,16 @@ class Experiment(ByValue):
         if not np.all(np.abs(self.distribution) <= LARGEST):
             message = f"its entries must be finite and at most {LARGEST:g} in magnitude"
             raise InvalidInputError(message, "/distribution")
+
+    def _check_controller(self, controller: StateSpace) -> None:
+        n = self.plant.n
+        if controller.D.shape != (n, n):
+            message = f"the controller must be {n} x {n}"
+            raise InvalidInputError(message, "/controller")
+        if any(loop is not None for loop in self.loops):
+            message = "give loops or a full controller, not both"
+            raise InvalidInputError(message, "/loops")
+        for name in ("limits", "distribution"):
+            if getattr(self, name) is not None:
+                message = "this is for single loops, not for a full controller"
+                raise InvalidInputError(message, f"/{name}")

@@ -186,6 +186,7 @@ def step_response(experiment: Experiment) -> StepResponse:
         distribution,
         experiment.actuators,
         None if experiment.limits is None else [experiment.limits[u] for u in stand_ins],
+        controller=experiment.controller,
     )
     steps = [
         (stand_ins.index(step.unit), step)
@@ -198,7 +199,14 @@ def step_response(experiment: Experiment) -> StepResponse:
         experiment.duration,
         events(experiment.steps, wired, paths),
         outputs=[place.at for place in wired.outputs],
-        bound=default_bounds(paths, loops, distribution, experiment.duration, moved)
+        bound=default_bounds(
+            paths,
+            loops,
+            distribution,
+            experiment.duration,
+            moved,
+            controller=experiment.controller,
+        )
         if experiment.bound is None
         else np.full(paths.size, experiment.bound),
         switching=_saturation(wired, experiment, stand_ins),
@@ -215,7 +223,7 @@ def step_response(experiment: Experiment) -> StepResponse:
                 trajectory,
                 wired,
                 kind,
-                closed=experiment.loops[units[0]] is not None,
+                closed=experiment.controller is not None or experiment.loops[units[0]] is not None,
                 steps=[step for at, step in steps if at == kind],
                 moments=moments,
             ),
@@ -227,7 +235,7 @@ def step_response(experiment: Experiment) -> StepResponse:
 
 def _paths(experiment: Experiment) -> Paths:
     n = experiment.plant.n
-    if experiment.distribution is not None:
+    if experiment.distribution is not None or experiment.controller is not None:
         # A general matrix has no symmetry to use.
         characters: list[object] = list(range(n))
     else:

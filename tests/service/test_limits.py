@@ -2,17 +2,27 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import pytest
 
 from service.analyses.limit import ANALYSIS, LimitRequest, LimitResult
+from service.analyses.robustness import ANALYSIS as ROBUSTNESS
+from service.analyses.robustness import RobustnessRequest
+from service.beyond import with_limit
 from service.printing import Line
+from service.schemas.alternatives import Alternatives
+from service.schemas.tunings import TuningRequest
+from service.wording import number
 from solver.model.errors import InvalidInputError
+from solver.model.mode_controller import ModeController
 from solver.model.plants import first_order
 from solver.model.state_space import StateSpace
 from solver.model.weights import Performance, Uncertainty
-from solver.robustness.centralised import ModeController, analyse_centralised
+from solver.robustness.centralised import (
+    analyse_centralised,
+)
 
 REQUEST: dict[str, Any] = {
     "plant": {"kind": "first_order", "n": 2, "gain": 1, "time_constant": 10, "interaction": 0.5},
@@ -41,8 +51,22 @@ def test_values_are_in_order_and_the_verdict_quotes_them(answer: dict[str, Any])
         <= result.multivariable.tau_p
         < result.decentralised.value
     )
-    ratio = result.decentralised.value / result.multivariable.tau_p
-    assert result.verdict.endswith(f"would be {ratio:.1f} times as fast.")
+    families = {each.family: each for each in result.alternatives}
+    best = min(
+        value
+        for name in ("identical_pi", "unlike_pi", "unlike_pid", "unlike_pidf")
+        if (value := families[name].value) is not None
+    )
+    ratio = best / result.multivariable.tau_p
+    assert f"it would be {ratio:.1f} times as fast as the best single loops." in result.verdict
+    assert families["identical_pi"].value == pytest.approx(result.decentralised.value, rel=1e-6)
+    assert families["multivariable"].value == result.multivariable.tau_p
+    for each in result.alternatives:
+        assert each.value is not None
+        assert each.ratio == pytest.approx(each.value / best)
+        assert number(each.value) in result.verdict
+        assert each.manual is not None
+        assert each.manual.stable
     first = ANALYSIS.table(result)[0]
     assert isinstance(first, Line)
     assert first.text == result.verdict
@@ -83,3 +107,49 @@ def test_a_singular_plant_is_refused_by_name() -> None:
     request = {**REQUEST, "plant": {**REQUEST["plant"], "interaction": 1}}
     with pytest.raises(InvalidInputError, match="differences is singular"):
         ANALYSIS.compute(LimitRequest.model_validate(request))
+
+
+@pytest.mark.parametrize("family", ["static_decoupling", "one_way_decoupling", "mode_control"])
+def test_a_structure_in_the_result_is_a_request_of_robustness(
+    answer: dict[str, Any], family: str
+) -> None:
+    """Its controller, sent as it stands, meets the demand at the tau_p that is stated."""
+    (found,) = (each for each in answer["alternatives"] if each["family"] == family)
+    request = {
+        "plant": REQUEST["plant"],
+        "uncertainty": REQUEST["uncertainty"],
+        "performance": {"tau_p": found["value"]},
+        "controller": found["controller"],
+    }
+    result = ROBUSTNESS.compute(RobustnessRequest.model_validate_json(json.dumps(request)))
+    peak = result["peaks"]["robust_performance"]["value"]
+    assert 0.999 < peak <= 1 + 1e-6
+
+
+def _beside(**search: Any) -> dict[str, Any]:
+    request = TuningRequest.model_validate({**REQUEST, "search": search})
+    return with_limit(request, {"search": {"elapsed_seconds": 0.5}})
+
+
+def test_a_tuning_has_a_limit_only_where_it_was_asked_for() -> None:
+    """Without `search.limit` the result is left as it was."""
+    assert "limit" not in _beside(time_limit=10)
+
+
+def test_a_limit_for_which_no_time_is_left_says_so() -> None:
+    """The search took all of the time: no numbers, and the sentence names the field."""
+    found = Alternatives.model_validate(_beside(time_limit=0.5, limit=True)["limit"])
+    assert found.status == "time_limit"
+    assert found.limit is None
+    assert not found.alternatives
+    assert "search.time_limit" in found.verdict
+
+
+def test_a_plant_without_a_limit_keeps_its_tuning() -> None:
+    """A singular plant: the result of the tuning stands, and the sentence says why."""
+    request = {**REQUEST, "plant": {**REQUEST["plant"], "interaction": 1}}
+    asked = TuningRequest.model_validate({**request, "search": {"time_limit": 20, "limit": True}})
+    found = with_limit(asked, {"tau_p": 3.0, "search": {"elapsed_seconds": 0.5}})
+    assert found["tau_p"] == 3.0
+    assert found["limit"]["status"] == "not_covered"
+    assert "singular" in found["limit"]["verdict"]

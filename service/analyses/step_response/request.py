@@ -21,11 +21,13 @@ from service.schemas.fields import (
     Time,
     below,
 )
+from service.schemas.full_controllers import FullController, full_state_space
 from service.schemas.loops_in_time import InputLimits, SimulatedLoop, Size, TimeStep
 from service.schemas.perturbations import Perturbation, WorstCasePerturbation
 from service.schemas.plants import Plant
 from solver.model.errors import InvalidInputError
 from solver.model.plants import MAX_MATRIX_SIZE, MAX_UNITS
+from solver.model.state_space import StateSpace
 from solver.model.transfer_function import LARGEST
 from solver.simulation.experiment import MAX_SAMPLES, Experiment, Step, StepKind
 
@@ -128,9 +130,18 @@ class StepResponseRequest(ArrangedRequest):
     """Ask how a plant and its loops move after steps; everything rests at zero before."""
 
     plant: Plant = Field(description="The process; dead time is exact.", examples=[_PLANT])
-    loops: Annotated[
-        tuple[SimulatedLoop | None, ...], Field(min_length=1, max_length=MAX_UNITS)
-    ] = Field(description="Settings, one entry a unit; null: open loop.", examples=[_LOOPS])
+    loops: Annotated[tuple[SimulatedLoop | None, ...], Field(max_length=MAX_UNITS)] = Field(
+        default=(),
+        description="Settings, one entry a unit; null: open loop. Or else a controller.",
+        examples=[_LOOPS],
+    )
+    controller: FullController | None = Field(
+        default=None,
+        description="A full controller u = C e in place of loops: a state space, a transfer matrix "
+        "without dead time, or, for a parallel plant, one on the sum and one on the differences of "
+        "its units.",
+        examples=[None],
+    )
     steps: Annotated[tuple[TimeStep, ...], Field(max_length=_MAX_STEPS)] = Field(
         default=(), description="Steps of any signals.", examples=[_STEPS]
     )
@@ -186,6 +197,9 @@ class StepResponseRequest(ArrangedRequest):
         for index, loop in enumerate(self.loops):
             with below(f"/loops/{index}"):
                 loops.append(None if loop is None else loop.build())
+        controller = self._full(plant.n)
+        if controller is not None:
+            loops = [None] * plant.n
         steps = []
         for index, step in enumerate(self.steps):
             with below(f"/steps/{index}"):
@@ -196,7 +210,7 @@ class StepResponseRequest(ArrangedRequest):
                 limits.append(None if limit is None else limit.build())
         if self.direction is not None:
             with below("/direction"):
-                if len(loops) == plant.n and None in loops:
+                if len(loops) == plant.n and None in loops and controller is None:
                     message = "a direction of set points needs every loop closed"
                     raise InvalidInputError(message, "")
                 steps.extend(self.direction.build(plant))
@@ -219,8 +233,18 @@ class StepResponseRequest(ArrangedRequest):
             limits=tuple(limits) if self.limits is not None else None,
             distribution=self._matrix(),
             bound=self.bound,
+            controller=controller,
         )
         return StepResponseTask(experiment, demand)
+
+    def _full(self, n: int) -> StateSpace | None:
+        if self.controller is None:
+            return None
+        if self.loops:
+            message = "give loops or a full controller, not both"
+            raise InvalidInputError(message, "/loops")
+        with below("/controller"):
+            return full_state_space(self.controller.build(), n)
 
     def _matrix(self) -> np.ndarray[Any, np.dtype[np.float64]] | None:
         if self.distribution is None:

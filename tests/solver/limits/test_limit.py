@@ -12,13 +12,16 @@ from ctrlsys import ab13md
 from solver.limits.lower_bound import Limitation, lower_bound
 from solver.limits.multivariable import multivariable_limit
 from solver.limits.record import Limit, LimitStatus
+from solver.limits.search import LimitSearch
 from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError, UnsupportedPlantError
+from solver.model.mode_controller import ModeController
 from solver.model.plants import MatrixPlant, ParallelPlant, Plant, first_order
 from solver.model.transfer_function import TransferFunction
 from solver.model.weights import Performance, Structure, Uncertainty
+from solver.mu.scaling import upper_bound
+from solver.mu.structure import BlockStructure
 from solver.robustness.analysis import analyse
-from solver.robustness.centralised import ModeController
 
 UNCERTAINTY = Uncertainty.from_error(0.2, 1.0)
 COLUMN = MatrixPlant(
@@ -27,6 +30,7 @@ COLUMN = MatrixPlant(
         [TransferFunction([-1.082], [75, 1]), TransferFunction([1.096], [75, 1])],
     ]
 )
+RIGHT = ParallelPlant(1, TransferFunction([-3, 1], [100, 1]), TransferFunction([0], [1]))
 SEED = first_order(2, 1.0, 100.0, 0.949)
 
 
@@ -53,20 +57,18 @@ def test_published_plant_can_be_held_in_a_quarter_of_the_time() -> None:
     assert found.lower_bound.value < found.value
 
 
-@pytest.mark.parametrize("tau_p", [4.0, 8.0])
-def test_mu_is_below_that_of_alternating_steps(tau_p: float) -> None:
-    """mu at a given tau_P lies below the 1.072 and 0.928 of D-K iteration in a small basis."""
-    found = limit(SEED, Performance(tau_p=tau_p))
+def test_mu_is_below_that_of_alternating_steps() -> None:
+    """mu at tau_P = 4 lies below the 1.072 of D-K iteration in a small basis."""
+    found = limit(SEED, Performance(tau_p=4.0))
     assert found.objective == "mu"
     assert found.value is not None
-    assert found.lower_bound.value < found.value < {4.0: 1.072, 8.0: 0.928}[tau_p]
+    assert found.lower_bound.value < found.value < 1.072
 
 
 def test_without_interaction_all_plants_have_the_limit_of_one_loop() -> None:
     """a = 0 gives the single loop's limit for any number of units."""
-    one, two, many = (limit(first_order(n, 1.0, 100.0, 0.0)).value for n in (1, 2, 1000))
+    one, many = (limit(first_order(n, 1.0, 100.0, 0.0)).value for n in (1, 1000))
     assert one is not None
-    assert two == pytest.approx(one, rel=1e-3)
     assert many == pytest.approx(one, rel=1e-3)
 
 
@@ -82,22 +84,23 @@ def test_the_limit_scales_with_the_unit_of_time_and_of_the_signals() -> None:
 
 def test_more_interaction_is_no_help() -> None:
     """The limit grows with a, and a dead time adds to it."""
-    values = [limit(first_order(2, 1.0, 100.0, a)).value for a in (0.0, 0.5, 0.949)]
-    assert all(value is not None for value in values)
-    assert values == sorted(values)
-    slower = limit(first_order(2, 1.0, 100.0, 0.949, 1.0)).value
-    assert slower is not None
-    assert slower > values[-1] + 1.0
+    alone = limit(first_order(1, 1.0, 100.0, 0.0)).value
+    together = limit(SEED).value
+    late = limit(first_order(2, 1.0, 100.0, 0.949, 1.0)).value
+    assert alone is not None
+    assert together is not None
+    assert late is not None
+    assert alone < together < late - 1.0
 
 
 def test_single_loops_are_no_faster() -> None:
-    """No PI setting in a wide grid passes the limit of a plant with dead time, one loop."""
-    plant = first_order(1, 1.0, 5.0, 0.0, 2.0)
+    """No PI setting in a wide grid passes the limit of one loop with a zero on the right."""
+    plant = RIGHT
     found = limit(plant)
     assert found.value is not None
     performance = Performance(tau_p=found.value)
-    for gain in np.geomspace(0.05, 5, 8):
-        for integral_time in np.geomspace(1, 20, 8):
+    for gain in np.geomspace(0.5, 50, 8):
+        for integral_time in np.geomspace(10, 200, 8):
             peaks = analyse(
                 plant, UNCERTAINTY, performance, [Controller(gain, integral_time)]
             ).peaks
@@ -107,7 +110,7 @@ def test_single_loops_are_no_faster() -> None:
 @pytest.mark.parametrize(
     "plant",
     [
-        ParallelPlant(1, TransferFunction([-3, 1], [100, 1]), TransferFunction([0], [1])),
+        RIGHT,
         ParallelPlant(2, TransferFunction([1], [100, 1, 0]), TransferFunction([0.5], [100, 1, 0])),
         first_order(3, 1.0, 100.0, -0.45),
         first_order(2, 1.0, 1.0, 0.5, 3.0),
@@ -189,8 +192,7 @@ def test_lower_bound_names_what_limits() -> None:
     dead = lower_bound(first_order(2, 1.0, 100.0, 0.9, 5.0), UNCERTAINTY, Performance())
     assert dead.limitation is Limitation.DEAD_TIME
     small = Uncertainty.from_error(0.01, 0.01)
-    one = ParallelPlant(1, TransferFunction([-3, 1], [100, 1]), TransferFunction([0], [1]))
-    zero = lower_bound(one, small, Performance())
+    zero = lower_bound(RIGHT, small, Performance())
     assert zero.limitation is Limitation.ZERO
     # 1 = |w_P(z)| = (1/2) (1 + 1/(tau_P z)) at z = 1/3: no less than 3.
     assert zero.value > 3 * (1 - 1e-5)
@@ -203,30 +205,57 @@ def test_lower_bound_names_what_limits() -> None:
     assert min(w_I, w_P) == pytest.approx(1, abs=1e-5)
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_no_analysed_controller_passes_the_lower_bound(seed: int) -> None:
-    """Random loops on random plants: their peak of mu is at or above the bound."""
-    rng = np.random.default_rng(seed)
-    gains = 0.5 * rng.normal(size=(2, 2)) + 2 * np.eye(2)
-    plant = MatrixPlant(
+def _random_plant(rng: np.random.Generator) -> MatrixPlant:
+    """Stable, of one to three units: lags, dead times, zeros in the right half plane."""
+    n = int(rng.integers(1, 4))
+    gains = rng.normal(size=(n, n)) + 2 * np.eye(n)
+    shared = float(rng.uniform(0, 2)) * rng.integers(0, 2)  # dead time of all elements
+    lead = float(rng.uniform(0.5, 4)) * rng.integers(0, 2)  # a zero that all of them have
+    return MatrixPlant(
         [
             [
-                TransferFunction([gains[r, c]], [rng.uniform(1, 10), 1], rng.uniform(0, 2))
-                for c in range(2)
+                TransferFunction(
+                    [-lead * gains[row, column], gains[row, column]],
+                    np.polymul([rng.uniform(1, 10), 1], [rng.uniform(0.3, 3), 1]),
+                    shared + float(rng.uniform(0, 1)) * rng.integers(0, 2),
+                )
+                for column in range(n)
             ]
-            for r in range(2)
+            for row in range(n)
         ]
     )
-    performance = Performance(tau_p=float(rng.uniform(3, 30)))
-    bound = lower_bound(plant, UNCERTAINTY, performance)
-    stable = 0
-    for _ in range(10):
-        loops = [Controller(rng.uniform(0.05, 0.3), rng.uniform(5, 20)) for _ in range(2)]
-        peaks = analyse(plant, UNCERTAINTY, performance, loops).peaks
-        if peaks is not None:
-            stable += 1
-            assert peaks.robust_performance.value >= bound.value
-    assert stable
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_no_stabilising_controller_passes_the_lower_bound(seed: int) -> None:
+    """Controllers Q (I - G Q)^-1 of random stable Q, on random plants: as the bound says, or above.
+
+    Q is any stable matrix with G(0) Q(0) = I, so all that integrates and stabilises is among these.
+    """
+    rng = np.random.default_rng(seed)
+    plant = _random_plant(rng)
+    n = plant.n
+    P = np.linalg.inv(plant.static_gain())
+    omega = np.geomspace(1e-4, 1e3, 400)
+    s = 1j * omega
+    G = plant.response(omega)
+    w_I = UNCERTAINTY.magnitude(omega)[:, None, None]
+    structure = BlockStructure(tuple(range(n)), n)
+    for _ in range(12):
+        performance = Performance(tau_p=float(10 ** rng.uniform(-1, 2)))
+        bound = lower_bound(plant, UNCERTAINTY, performance)
+        speed = 10 ** rng.uniform(-2, 1)
+        lag = 1 / (s / speed + 1) ** int(rng.integers(1, 3))
+        bends = [s / (s + 10 ** rng.uniform(-2, 1)) for _ in range(3)]
+        Y = lag[:, None, None] * np.eye(n) + sum(
+            (lag * bend)[:, None, None] * rng.normal(size=(n, n)) * 10 ** rng.uniform(-2, 0)
+            for bend in bends
+        )
+        Q = P @ Y
+        S = np.eye(n) - G @ Q
+        w_P = performance.magnitude(omega)[:, None, None]
+        N = np.block([[w_I * Q @ G, w_I * Q], [w_P * S @ G, w_P * S]])
+        assert upper_bound(N, structure).mu.max() >= bound.value * (1 - 1e-3)  # the grid's own gap
 
 
 def test_what_has_no_limit_says_so() -> None:
@@ -272,9 +301,12 @@ def test_plants_that_are_not_covered_are_refused() -> None:
 
 
 def test_full_block_uncertainty_is_no_easier() -> None:
-    """Actuators that may err in concert: for a parallel plant the same limit."""
-    plant = first_order(2, 1.0, 20.0, 0.5, 1.0)
-    full = multivariable_limit(
-        plant, Uncertainty.from_error(0.2, 1.0, Structure.FULL), Performance()
+    """Actuators that may err in concert: for a parallel plant the same problem."""
+    full = Uncertainty.from_error(0.2, 1.0, Structure.FULL)
+    performance = Performance()
+    diagonal, concerted = (
+        LimitSearch(SEED, uncertainty, performance) for uncertainty in (UNCERTAINTY, full)
     )
-    assert full.value == pytest.approx(limit(plant).value, rel=1e-9)
+    assert concerted.blocks.blocks == diagonal.blocks.blocks
+    assert concerted.blocks.n_scales == diagonal.blocks.n_scales == 1
+    assert np.array_equal(concerted.omega, diagonal.omega)

@@ -1,0 +1,169 @@
+"""What other kinds of controllers could do for the demand of a tuning: as JSON, and in words."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING, Any
+
+from service.schemas.encoding import encode
+from service.schemas.full_controllers import full_controller_document
+from service.wording import number
+from solver.model.errors import InvalidInputError, UnsupportedPlantError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from service.schemas.tunings import TuningRequest
+    from solver.limits.comparison import ControllerComparison, Entry
+
+__all__ = ["NAMES", "alternatives_to_json", "with_limit"]
+
+NAMES = {
+    "identical_pi": "identical PI",
+    "unlike_pi": "unlike PI",
+    "unlike_pid": "PID",
+    "unlike_pidf": "PIDF",
+    "static_decoupling": "static decoupling, PI",
+    "one_way_decoupling": "one-way decoupling, PI",
+    "inverse": "plant's inverse",
+    "mode_control": "mode control, PI",
+    "pairs": "decoupled pairs, PI",
+    "multivariable": "multivariable, built",
+}
+LARGEST_SHOWN = 20  # units up to which a full controller is written down
+
+MOST_UNITS = 3  # one convex step of a larger matrix plant takes longer than a job may overrun
+
+
+class _TimeUpError(Exception):
+    """The request's time limit has passed."""
+
+
+def with_limit(
+    request: TuningRequest,
+    document: dict[str, Any],
+    check: Callable[[], bool | None] = lambda: None,
+) -> dict[str, Any]:
+    """Return the result of a tuning with the limit beside it, if the request asks for it.
+
+    Parameters
+    ----------
+    request : TuningRequest
+        What was asked.
+    document : dict
+        Its result.
+    check : callable
+        Called often; what it raises passes through. If it returns True, the comparison is left out.
+
+    """
+    if not request.search.limit:
+        return document
+    pairing = document.get("pairing")
+    specification = request.build().arranged(None if pairing is None else tuple(pairing))
+    if specification.plant.n > MOST_UNITS and not specification.plant.interchangeable:
+        text = f"matrix plants above {MOST_UNITS} units take minutes: ask `mutune limit`"
+        return {**document, "limit": _without("not_covered", f"No limit: {text}.")}
+    from solver.limits.comparison import compare_controllers  # noqa: PLC0415 - compiled kernels, cvxpy
+
+    left = request.search.time_limit - float(document["search"]["elapsed_seconds"])
+    end = time.monotonic() + max(left, 0.0)
+
+    def tick() -> None:
+        if check() or time.monotonic() > end:
+            raise _TimeUpError
+
+    try:
+        tick()
+        found = alternatives_to_json(compare_controllers(specification, tick=tick))
+    except (InvalidInputError, UnsupportedPlantError) as error:
+        found = _without("not_covered", f"No limit: {error}.")
+    except _TimeUpError:
+        text = "No limit: the time was over before it was found; give search.time_limit more."
+        found = _without("time_limit", text)
+    return {**document, "limit": found}
+
+
+def _without(status: str, verdict: str) -> dict[str, Any]:
+    return {
+        "status": status,
+        "limit": None,
+        "lower_bound": None,
+        "alternatives": [],
+        "verdict": verdict,
+    }
+
+
+def alternatives_to_json(comparison: ControllerComparison) -> dict[str, Any]:
+    """Return the comparison as the JSON object that `Alternatives` describes."""
+    limit, best = comparison.limit, comparison.best_loops
+    reference = None if best is None else best.value
+    document: dict[str, Any] = {
+        "status": limit.status.value,
+        "limit": encode(limit.value),
+        "lower_bound": encode(limit.lower_bound),
+        "alternatives": [_alternative(entry, reference) for entry in comparison.entries],
+    }
+    return {**document, "verdict": _verdict(document, limit.objective, limit.reason)}
+
+
+def _alternative(entry: Entry, reference: float | None) -> dict[str, Any]:
+    structure = entry.structure
+    settings: list[dict[str, Any]] = []
+    controller = None
+    if structure is not None:
+        names = ("acts_on", "gain", "integral_time")
+        settings = [dict(zip(names, each, strict=True)) for each in structure.settings]
+        whole = structure.controller
+        if whole is not None and len(getattr(whole, "D", ())) <= LARGEST_SHOWN:
+            controller = full_controller_document(whole)
+    ratio = None if entry.value is None or reference is None else entry.value / reference
+    return {
+        "family": entry.family.value,
+        "value": encode(entry.value),
+        "ratio": ratio,
+        "time_limit": entry.exhausted,
+        "manual": encode(entry.manual),
+        "guarantee": encode(entry.guarantee),
+        "loops": encode(entry.loops),
+        "settings": settings,
+        "controller": controller,
+    }
+
+
+def _verdict(document: dict[str, Any], objective: str, reason: str | None) -> str:
+    """Return the comparison in a sentence, from the numbers that stand beside it."""
+    values = {each["family"]: each["value"] for each in document["alternatives"]}
+    loops = _listed(values, ("identical_pi", "unlike_pi", "unlike_pid", "unlike_pidf"))
+    between = _listed(
+        values, ("static_decoupling", "one_way_decoupling", "inverse", "mode_control", "pairs")
+    )
+    parts = [
+        f"Single loops reach {objective} = {loops}" if loops
+        else "No single loops were found that meet the demand"
+    ]  # fmt: skip
+    if between:
+        parts.append(f"in between lie {between}")
+    if document["limit"] is None:
+        return "; ".join([*parts, reason or "no limit was found"]) + "."
+    built = values.get("multivariable")
+    parts.append(
+        f"a multivariable controller that can be built reaches {number(built)}" if built
+        else f"the best multivariable controller found reaches {number(document['limit'])}"
+    )  # fmt: skip
+    bound = document["lower_bound"]["value"]
+    if bound:
+        parts.append(f"nothing linear can go below {number(bound)}")
+    sentence = "; ".join(parts)
+    ratios = {each["family"]: each["ratio"] for each in document["alternatives"]}
+    share = ratios.get("multivariable")
+    if not share:
+        return f"{sentence}."
+    if objective == "mu":
+        return f"{sentence}: it has {share:.0%} of the best single loops' peak."
+    return f"{sentence}: it would be {1 / share:.1f} times as fast as the best single loops."
+
+
+def _listed(values: dict[str, float | None], families: tuple[str, ...]) -> str:
+    """Return the values that there are, each with its name."""
+    found = [f"{number(values[each])} ({NAMES[each]})" for each in families if values.get(each)]
+    return ", ".join(found)

@@ -1,0 +1,242 @@
+"""Single loops, what lies between, and what any controller could do: for one demand, side by side.
+
+Every entry is made for the same demand under the same uncertainty of the physical inputs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+from typing import TYPE_CHECKING
+
+from solver.limits.manual import controller_in_manual, loops_in_manual
+from solver.limits.multivariable import multivariable_limit
+from solver.limits.structure_search import structured_controllers
+from solver.tuning.demands import NO_DEMANDS
+from solver.tuning.record import Status
+from solver.tuning.specification import Arrangement, Bounds, ControllerKind, Objective
+from solver.tuning.tuner import tune
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from solver.limits.manual import OneInManual
+    from solver.limits.record import Limit
+    from solver.limits.structure_search import StructuredController
+    from solver.model.controllers import Controller
+    from solver.robustness.record import Guarantee
+    from solver.tuning.record import Tuning
+    from solver.tuning.specification import Specification
+
+__all__ = ["ControllerComparison", "Entry", "Family", "compare_controllers"]
+
+FEW = 4  # units that all have settings of their own; of more the best grouping is sought
+
+
+class Family(StrEnum):
+    """Kinds of controllers, from one setting for all loops to all that is linear."""
+
+    IDENTICAL_PI = "identical_pi"
+    UNLIKE_PI = "unlike_pi"
+    UNLIKE_PID = "unlike_pid"
+    UNLIKE_PIDF = "unlike_pidf"
+    STATIC_DECOUPLING = "static_decoupling"
+    ONE_WAY_DECOUPLING = "one_way_decoupling"
+    INVERSE = "inverse"
+    MODE_CONTROL = "mode_control"
+    PAIRS = "pairs"
+    MULTIVARIABLE = "multivariable"
+
+
+SINGLE_LOOPS = {
+    Family.IDENTICAL_PI: (ControllerKind.PI, Arrangement.IDENTICAL),
+    Family.UNLIKE_PI: (ControllerKind.PI, Arrangement.INDEPENDENT),
+    Family.UNLIKE_PID: (ControllerKind.PID, Arrangement.INDEPENDENT),
+    Family.UNLIKE_PIDF: (ControllerKind.PIDF, Arrangement.INDEPENDENT),
+}
+STRUCTURES = (
+    Family.STATIC_DECOUPLING,
+    Family.ONE_WAY_DECOUPLING,
+    Family.INVERSE,
+    Family.MODE_CONTROL,
+    Family.PAIRS,
+)
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One kind of controller.
+
+    Attributes
+    ----------
+    family : Family
+        Which kind.
+    value : float or None
+        Its tau_P (time units) or mu; None: none was found that meets the demand, or the plant
+        has no such controller.
+    loops : tuple of Controller
+        Settings of single loops, one a unit; else empty.
+    structure : StructuredController or None
+        What lies between.
+    guarantee : Guarantee or None
+        What is known of mu over all frequencies.
+    manual : OneInManual or None
+        What the worst unit in manual costs.
+    exhausted : bool
+        Whether the time limit ended the search.
+
+    """
+
+    family: Family
+    value: float | None
+    loops: tuple[Controller, ...] = ()
+    structure: StructuredController | None = None
+    guarantee: Guarantee | None = None
+    manual: OneInManual | None = None
+    exhausted: bool = False
+
+
+@dataclass(frozen=True)
+class ControllerComparison:
+    """All kinds for one demand.
+
+    Attributes
+    ----------
+    entries : tuple of Entry
+        Single loops, what lies between, and a full controller that can be built.
+    limit : Limit
+        The best of all controllers, and the bound that none can pass.
+    warnings : tuple of str
+        What to look at twice.
+
+    """
+
+    entries: tuple[Entry, ...]
+    limit: Limit
+    warnings: tuple[str, ...] = field(default=())
+
+    @property
+    def best_loops(self) -> Entry | None:
+        """The best of the single loops; None where none meet the demand."""
+        found = [each for each in self.entries if each.family in SINGLE_LOOPS and each.value]
+        return min(found, key=lambda each: each.value or 0.0, default=None)
+
+
+def compare_controllers(
+    specification: Specification, *, tick: Callable[[], None] = lambda: None
+) -> ControllerComparison:
+    """Return what each kind of controller reaches for the task's demand.
+
+    Parameters
+    ----------
+    specification : Specification
+        The task; its kind and arrangement are varied, its bounds hold for single loops, and its
+        time limit is divided among them.
+    tick : callable
+        Called often; what it raises passes through.
+
+    Raises
+    ------
+    InvalidInputError, UnsupportedPlantError
+        As of `multivariable_limit`.
+
+    """
+    plant, uncertainty = specification.plant, specification.uncertainty
+    performance = specification.performance
+    limit = multivariable_limit(plant, uncertainty, performance, tick=tick)
+    entries = [_loops(specification, family, tick) for family in _families(plant.n)]
+    first = entries[0].loops
+    structured = {
+        each.kind.value: each
+        for each in structured_controllers(
+            plant, uncertainty, performance, identical=first[0] if first else None, tick=tick
+        )
+    }
+    entries += [_between(specification, structured[f], f) for f in STRUCTURES if f in structured]
+    warnings = list(limit.warnings)
+    if limit.realised is not None:
+        built = limit.realised
+        peaks = built.robustness.peaks
+        sought = performance.tau_p is None
+        value = built.tau_p if sought else None if peaks is None else peaks.robust_performance.value
+        manual = controller_in_manual(
+            plant, uncertainty, performance.with_tau_p(built.tau_p), built.controller
+        )
+        entries.append(
+            Entry(Family.MULTIVARIABLE, value, guarantee=built.robustness.guarantee, manual=manual)
+        )
+    if specification.demands.names or specification.scenarios or specification.spread:
+        warnings.append(
+            "further demands, scenarios and spread are asked of no controller in this comparison"
+        )
+    return ControllerComparison(tuple(entries), limit, tuple(warnings))
+
+
+def _families(n: int) -> list[Family]:
+    if n == 1:
+        return [Family.IDENTICAL_PI, Family.UNLIKE_PID, Family.UNLIKE_PIDF]
+    return list(SINGLE_LOOPS)
+
+
+def _loops(specification: Specification, family: Family, tick: Callable[[], None]) -> Entry:
+    kind, arrangement = SINGLE_LOOPS[family]
+    n = specification.plant.n
+    if n == 1:
+        arrangement = Arrangement.IDENTICAL
+    elif arrangement is Arrangement.INDEPENDENT and n > FEW:
+        arrangement = Arrangement.BEST
+    limit = specification.time_limit
+    bounds = Bounds(**{name: getattr(specification.bounds, name) for name in kind.parameters})
+    task = replace(
+        specification,
+        kind=kind,
+        arrangement=arrangement,
+        group_sizes=None,
+        groups=None,
+        scenarios=(),
+        spread=None,
+        resolution=None,
+        as_found=None,
+        bounds=bounds,
+        demands=NO_DEMANDS,
+        start=None,
+        certificate=False,
+        optimality_gap=False,
+        time_limit=None if limit is None else limit / len(SINGLE_LOOPS),
+    )
+
+    def on_progress(_: object) -> None:
+        tick()
+
+    found = tune(task, on_progress)
+    value = _value(found)
+    if value is None or found.tau_p is None:
+        return Entry(family, None, exhausted=found.status is Status.TIME_LIMIT)
+    manual = loops_in_manual(
+        task.plant, task.uncertainty, task.performance.with_tau_p(found.tau_p), found.loops
+    )
+    return Entry(
+        family,
+        value,
+        loops=found.loops,
+        guarantee=found.guarantee,
+        manual=manual,
+        exhausted=found.status is Status.TIME_LIMIT,
+    )
+
+
+def _value(tuning: Tuning) -> float | None:
+    if tuning.objective == Objective.TAU_P or tuning.peaks is None:
+        return tuning.tau_p
+    return tuning.peaks.robust_performance.value
+
+
+def _between(specification: Specification, found: StructuredController, family: Family) -> Entry:
+    performance = specification.performance.with_tau_p(found.tau_p)
+    manual = None
+    if found.controller is not None:
+        manual = controller_in_manual(
+            specification.plant, specification.uncertainty, performance, found.controller
+        )
+    guarantee = found.robustness.guarantee
+    return Entry(family, found.value, structure=found, guarantee=guarantee, manual=manual)

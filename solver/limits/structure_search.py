@@ -1,0 +1,382 @@
+"""Best settings of a structure: a minimax over frequency, by nonlinear programs.
+
+The least tau_P with mu(omega; settings, tau_P) <= 1 at all frequencies of a grid, or the least
+greatest mu, by sequential quadratic programming (SLSQP) from several starts; each value of mu is
+the exact upper bound at its best scales. The grid takes up the peaks that a dense one shows.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.optimize import brentq, minimize
+
+from solver.limits.search import bandwidth_of
+from solver.limits.structures import structures
+from solver.limits.youla import youla_blocks
+from solver.model.frequencies import corners, grid, resonances
+from solver.model.peaks import local_peaks
+from solver.robustness.centralised import (
+    CentralisedAnalysis,
+    analyse_blocks,
+    best_scales,
+    central_blocks,
+    centralised_poles,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from solver.limits.structures import Structure, StructureKind
+    from solver.model.controllers import Controller
+    from solver.model.mode_controller import ModeController
+    from solver.model.plants import Plant
+    from solver.model.state_space import StateSpace
+    from solver.model.weights import Performance, Uncertainty
+    from solver.robustness.centralised import (
+        Centralised,
+    )
+
+__all__ = ["StructuredController", "structured_controllers"]
+
+POINTS_PER_DECADE = 12.0
+MATRIX_POINTS = 8.0  # a scale for each channel: mu costs a hundred times as much
+SPAN = 1e3  # of the grid beyond the lowest and the highest bend
+STARTS = 2  # best of the coarse grid that a search is started from
+STEP = 1e-5  # of differences in logarithms: mu is known to 1e-10
+WIDEST = 7.0  # in logarithms: how far a setting may go from its start
+SETTLED = 1e-9  # of a value's logarithm
+RESTARTS = 3  # of SLSQP, whose model of the curvature may have gone astray
+DIGITS = 1e-8  # of a value's logarithm
+BRACKET = 0.7  # of log tau_P
+FASTEST_TRIED = 20.0  # below the first tau_P, in logarithms
+MAX_ITERATIONS = 80
+MAX_RATIOS = 20
+PRECISE = 1e-4  # of log tau_P: near enough for both to be sought at once
+SLOWER = 10.0  # by which tau_P grows while no settings are found that meet it
+EXCHANGES = 8
+MISSED = 1e-7  # of mu above its level at a frequency that the grid lacked
+SLOWEST_TRIED = 1e4  # times the inverse bandwidth: the integral action alone is left of the demand
+ROOM = 1e-6  # relative addition to tau_P for peaks between the points of the dense grid
+ATTEMPTS = 6
+
+
+@dataclass(frozen=True)
+class StructuredController:
+    """The best settings found of one structure.
+
+    Attributes
+    ----------
+    kind : StructureKind
+        Which structure.
+    value : float
+        Its tau_P (time units) or mu.
+    tau_p : float
+        Time constant that it reaches, or for which mu was made small.
+    settings : tuple of (str, float, float or None)
+        What each scalar controller acts on, its gain and integral time; None: see the kind.
+    mixing : tuple of (m, m)
+        W of each block of the plant.
+    controller : StateSpace, ModeController or None
+        The whole controller, u = C e; None where it is too large to be written down.
+    robustness : Centralised
+        Peaks and curves.
+
+    """
+
+    kind: StructureKind
+    value: float
+    tau_p: float
+    settings: tuple[tuple[str, float, float | None], ...]
+    mixing: tuple[NDArray[np.float64], ...]
+    controller: StateSpace | ModeController | None
+    robustness: Centralised
+
+
+def structured_controllers(
+    plant: Plant,
+    uncertainty: Uncertainty,
+    performance: Performance,
+    *,
+    identical: Controller | None = None,
+    tick: Callable[[], None] = lambda: None,
+) -> list[StructuredController]:
+    """Return the best controller of each structure that this plant can have, the best one first.
+
+    Parameters
+    ----------
+    plant : Plant
+        Stable or integrating.
+    uncertainty, performance : Uncertainty, Performance
+        The weights; without a `tau_p` the least one is sought, with one the least mu.
+    identical : Controller or None
+        Known settings of identical PI loops, to begin with where a structure holds them.
+    tick : callable
+        Called at each evaluation; what it raises passes through.
+
+    """
+    bends = corners(plant, uncertainty)
+    bandwidth = bandwidth_of(plant, uncertainty, bends)
+    youla = youla_blocks(central_blocks(plant, uncertainty), SPAN * float(bends.max()))
+    best: dict[StructureKind, StructuredController] = {}
+    for structure in structures(plant, uncertainty, youla, bandwidth, identical):
+        found = _Search(structure, uncertainty, performance, bandwidth, tick).run()
+        before = best.get(structure.kind)
+        if found is not None and (before is None or found.value < before.value):
+            best[structure.kind] = found
+    return sorted(best.values(), key=lambda each: each.value)
+
+
+class _Search:
+    """The search for one structure."""
+
+    def __init__(
+        self,
+        structure: Structure,
+        uncertainty: Uncertainty,
+        performance: Performance,
+        bandwidth: float,
+        tick: Callable[[], None],
+    ) -> None:
+        self.structure, self.uncertainty, self.performance = structure, uncertainty, performance
+        self.tick = tick
+        self.tau_p = performance.tau_p
+        self.first_tau_p = performance.tau_p or 10 / bandwidth
+        self.slowest = SLOWEST_TRIED / bandwidth
+        plant = structure.blocks.plant
+        bends = corners(plant, uncertainty)
+        density = POINTS_PER_DECADE if plant.interchangeable else MATRIX_POINTS
+        low, high = float(bends.min()) / SPAN, float(bends.max()) * SPAN
+        self._on(grid(low, high, density, [bends, resonances(plant)]))
+
+    @property
+    def sought(self) -> bool:
+        """Whether tau_P is sought, rather than mu at a given one."""
+        return self.performance.tau_p is None
+
+    def run(self) -> StructuredController | None:
+        """Return the best settings; None where none were found that meet the demand."""
+        ranked = sorted(
+            (self._rough(start), number) for number, start in enumerate(self.structure.starts)
+        )
+        finite = [number for value, number in ranked if math.isfinite(value)][:STARTS]
+        best: tuple[float, NDArray[np.float64]] | None = None
+        for number in finite:
+            found = self._from(self.structure.starts[number])
+            if found is not None and (best is None or found[0] < best[0]):
+                best = found
+        return None if best is None else self._checked(best[1])
+
+    def _on(self, omega: NDArray[np.float64]) -> None:
+        self.omega = omega
+        self.w_I = self.uncertainty.magnitude(omega)[:, None, None]
+        self.G = self.structure.blocks.response(omega)
+
+    def _parts(self, theta: NDArray[np.float64]) -> list[NDArray[np.complex128]]:
+        """N of each block (k, 2 m, 2 m) with w_P = 1."""
+        found = []
+        for G, C in zip(self.G, self.structure.responses(theta, self.omega), strict=True):
+            S = np.linalg.inv(np.eye(G.shape[1]) + G @ C)
+            R = self.w_I * (C @ S)
+            found.append(np.block([[R @ G, R], [S @ G, S]]))
+        return found
+
+    def _mu(self, rows: list[tuple[list[NDArray[np.complex128]], float]]) -> NDArray[np.float64]:
+        """Mu (rows, k) of matrices with w_P = 1, each at a tau_P of its own."""
+        weighted = []
+        for parts, tau_p in rows:
+            w_P = self.performance.with_tau_p(tau_p).magnitude(self.omega)[:, None, None]
+            scaled = []
+            for part in parts:
+                N = part.copy()
+                N[:, N.shape[1] // 2 :] *= w_P
+                scaled.append(N)
+            weighted.append(scaled)
+        stacked = [np.concatenate(block) for block in zip(*weighted, strict=True)]
+        self.tick()
+        return best_scales(self.structure.blocks, stacked)[0].reshape(len(rows), -1)
+
+    def _from(self, start: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]] | None:
+        """Best value and settings beside a start, on a grid that holds their peaks."""
+        improved = self._improved(start)
+        if improved is None:
+            return None
+        theta = improved
+        for _ in range(EXCHANGES):
+            missing = self._missing(theta)
+            if not missing.size:
+                break
+            self._on(np.union1d(self.omega, missing))
+            if math.isinf(self._level(theta, self.tau_p)):
+                improved = self._improved(theta)
+                if improved is None:
+                    return None
+                theta = improved
+            else:
+                theta = self._descend(theta, self.tau_p)
+        level = self._level(theta, self.tau_p)
+        return None if math.isinf(level) else (level, theta)
+
+    def _improved(self, theta: NDArray[np.float64]) -> NDArray[np.float64] | None:
+        """Return settings of least mu, or where tau_P is sought, those of the least one.
+
+        Least mu at a tau_P, least tau_P of these settings, and so on: Dinkelbach's (1967) way to a
+        least ratio, with log mu nearer to linear in the settings than log tau_P is.
+        """
+        if not self.sought:
+            return self._descend(theta, self.first_tau_p)
+        level = self._level(theta, None)
+        tau_p = self.first_tau_p
+        while math.isinf(level):
+            theta = self._descend(theta, tau_p)
+            level = self._level(theta, None)
+            if math.isinf(level) and tau_p >= self.slowest:
+                return None
+            tau_p *= SLOWER
+        for _ in range(MAX_RATIOS):
+            theta = self._descend(theta, math.exp(level))
+            before, level = level, self._level(theta, None, level)
+            if before - level < PRECISE:
+                break
+        return self._descend(theta, None)
+
+    def _rough(self, theta: NDArray[np.float64]) -> float:
+        """Return the logarithm of the value of a start; infinite where it is unstable."""
+        if centralised_poles(self.structure.blocks, self.structure.controllers(theta)):
+            return math.inf
+        if not self.sought:
+            return self._level(theta, self.first_tau_p)
+        level = self._level(theta, None)
+        if math.isfinite(level):
+            return level
+        # Those that no tau_P satisfies rank behind the others, by their peak.
+        return math.log(self.slowest) + self._level(theta, self.slowest)
+
+    def _level(
+        self, theta: NDArray[np.float64], tau_p: float | None, near: float | None = None
+    ) -> float:
+        """Log of the peak of mu at `tau_p`, or, where that is None, of the least tau_P."""
+        parts = self._parts(theta)
+
+        def peak(level: float) -> float:
+            return float(np.log(self._mu([(parts, math.exp(level))])).max())
+
+        if tau_p is not None:
+            return peak(math.log(tau_p))
+        high = low = math.log(self.first_tau_p) if near is None else near
+        slowest = math.log(self.slowest)
+        if peak(high) <= 0:
+            while peak(low := high - BRACKET) <= 0:
+                high = low
+                if high < math.log(self.first_tau_p) - FASTEST_TRIED:
+                    return high
+        else:
+            while peak(high := min(low + BRACKET, slowest)) > 0:
+                low = high
+                if low >= slowest:
+                    return math.inf
+        return float(brentq(peak, low, high, xtol=DIGITS))
+
+    def _descend(self, start: NDArray[np.float64], tau_p: float | None) -> NDArray[np.float64]:
+        """Return settings of the least level beside a start, see `_level`."""
+        size = start.size
+        theta, level = start, self._level(start, tau_p)
+        low, high = np.append(start, level) - WIDEST, np.append(start, level) + WIDEST
+
+        def log_mu(points: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+            # SLSQP's line search may step outside of its bounds.
+            inside = [np.clip(point, low, high) for point in points]
+            rows = [
+                (self._parts(point[:size]), math.exp(point[size]) if tau_p is None else tau_p)
+                for point in inside
+            ]
+            return np.asarray(np.log(np.maximum(self._mu(rows), np.finfo(float).tiny)))
+
+        def room(x: NDArray[np.float64]) -> NDArray[np.float64]:
+            return np.asarray((0.0 if tau_p is None else x[size]) - log_mu([x])[0])
+
+        def slopes(x: NDArray[np.float64]) -> NDArray[np.float64]:
+            free = size + (tau_p is None)
+            values = log_mu([x, *(x + STEP * np.eye(free, size + 1))])
+            by_x = ((values[0] - values[1:]) / STEP).T
+            return by_x if tau_p is None else np.hstack([by_x, np.ones((self.omega.size, 1))])
+
+        end = np.zeros(size + 1)
+        end[size] = 1.0
+        for _ in range(RESTARTS):
+            found = minimize(
+                lambda x: x[size], np.append(theta, level), jac=lambda _: end, method="SLSQP",
+                bounds=list(zip(low, high, strict=True)),
+                constraints={"type": "ineq", "fun": room, "jac": slopes},
+                options={"maxiter": MAX_ITERATIONS, "ftol": SETTLED},  # type: ignore[call-overload]
+            )  # fmt: skip
+            if not np.isfinite(found.x).all():
+                break
+            trial = np.clip(found.x, low, high)[:size]
+            reached = self._level(trial, tau_p, level if tau_p is None else None)
+            if not reached < level - SETTLED or centralised_poles(
+                self.structure.blocks, self.structure.controllers(trial)
+            ):
+                break
+            theta, level = trial, reached
+        return theta
+
+    def _analysis(self, theta: NDArray[np.float64], tau_p: float) -> CentralisedAnalysis:
+        return CentralisedAnalysis(
+            self.structure.blocks,
+            self.structure.controllers(theta),
+            self.uncertainty,
+            self.performance.with_tau_p(tau_p),
+        )
+
+    def _missing(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the peaks that the grid lacks.
+
+        The least tau_P is steep where the uncertainty's end of the curve is at its limit: a peak
+        missed by 1e-4 may cost a third of it.
+        """
+        level = self._level(theta, self.tau_p)
+        tau_p, top = (math.exp(level), 1.0) if self.tau_p is None else (self.tau_p, math.exp(level))
+        analysis = self._analysis(theta, tau_p)
+        dense = np.union1d(analysis.omega, self.omega)
+        values = analysis.robust_performance(dense)
+        where, heights = local_peaks(analysis.robust_performance, dense, values, rounds=3)
+        return where[heights > top * (1 + MISSED)]
+
+    def _checked(self, theta: NDArray[np.float64]) -> StructuredController | None:
+        """Return the settings with the value that the analysis of the whole axis confirms."""
+        structure, tau_p = self.structure, self.first_tau_p
+        for attempt in range(ATTEMPTS):
+            if self.sought:
+                level = self._level(theta, None)
+                if math.isinf(level):
+                    return None
+                tau_p = math.exp(level) * (1 + ROOM * 4**attempt)
+                if not attempt:
+                    self._on(self._analysis(theta, tau_p).omega)
+                    continue
+            found = analyse_blocks(
+                structure.blocks, structure.controllers(theta), self.uncertainty,
+                self.performance.with_tau_p(tau_p),
+            )  # fmt: skip
+            if found.peaks is None:
+                return None
+            peak = found.peaks.robust_performance
+            if not self.sought or peak.value <= 1:
+                settings = tuple(
+                    (words, *pair)
+                    for words, pair in zip(
+                        structure.acts_on, structure.settings(theta), strict=True
+                    )
+                )
+                return StructuredController(
+                    structure.kind, tau_p if self.sought else peak.value, tau_p, settings,
+                    structure.mixing, structure.full(theta), found,
+                )  # fmt: skip
+            self._on(np.union1d(self.omega, [peak.omega]))
+        return None
