@@ -56,6 +56,7 @@ function headline({ result, request: { performance } }) {
     h("p", {}, h("strong", { class: "big" }, number(value)), " ", unit),
     h("p", {}, what, " for every plant within the uncertainty."),
     result.comparison && gain(result), result.optimality && limit(result.optimality),
+    result.limit && h("p", {}, result.limit.verdict),
     guaranteed(result.guarantee), scenarios(result), result.integrity && help(sentence(result.integrity)));
 }
 
