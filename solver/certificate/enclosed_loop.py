@@ -66,7 +66,7 @@ class ExactLoop:
     full: bool
 
     @classmethod
-    def of(cls, claim: Claim) -> ExactLoop:
+    def of(cls, claim: Claim, most: int = MAX_SETTINGS) -> ExactLoop:
         """Return the loop that a claim is about.
 
         Raises
@@ -75,15 +75,15 @@ class ExactLoop:
             A pole of the plant lies in the right half plane or, other than s = 0, on its edge.
         InvalidInputError
             The performance weight has no time constant, the uncertainty weight is not stable, or
-            there are more than `MAX_SETTINGS` different settings.
+            there are more than `most` different settings.
 
         """
         _require_stable(claim.plant)
         settings = settings_of(
             claim.plant, claim.loops, claim.uncertainty, claim.performance.output_scale
         )
-        if len(settings) > MAX_SETTINGS:
-            message = f"certificates cover at most {MAX_SETTINGS} different settings"
+        if len(settings) > most:
+            message = f"proofs cover at most {most} different settings"
             raise InvalidInputError(message, "/loops")
         for w_I in claim.uncertainty.weights:
             # At a pole of w_I no level of mu is finite, and at s = 0 the rows' powers of s, which

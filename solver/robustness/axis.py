@@ -18,7 +18,7 @@ import numpy as np
 
 from solver.certificate.enclosed_loop import ExactLoop
 from solver.certificate.record import Claim
-from solver.certificate.reduction import MAX_SETTINGS, settings_of
+from solver.certificate.reduction import settings_of
 from solver.model.blocks import group_loops
 from solver.model.errors import InvalidInputError
 from solver.model.peaks import Peak, greatest, tops, zoom
@@ -40,6 +40,8 @@ if TYPE_CHECKING:
 
 __all__ = ["BRACKET", "AxisPeaks", "kept", "proven_count", "proven_peaks", "require_bounded"]
 
+MOST_PROVEN = 40  # different settings: some ten seconds; the work grows with the fourth power
+MOST = 100  # different settings: a minute or two without a proof
 BRACKET = 1e-4  # relative width of what is proven; a touch of the level cannot be
 FIRST_STEP = 0.7  # log(ratio) of the ends of the first interval
 SHORT = 0.01  # log(ratio) at which the curve is looked at before shorter intervals are tried,
@@ -47,7 +49,9 @@ SHORTER = 0.05  # each time so much shorter,
 SHORTEST = 1e-11  # down to this one: frequencies of 16 digits have few points left in it
 LOOKS = 24  # points of a look
 AHEAD = 20  # intervals that it reaches ahead
-MAX_STEPS = 60_000  # of a march: a second or two for two loops
+MAX_STEPS = 60_000  # of a march: a second or two for two loops,
+STEPS_BY_SIZE = 100_000_000  # over the cube of unlike loops: some ten seconds for any number
+NO_TRAIL = np.empty(0)
 MAX_LOOKS = 400
 TAIL_STEP, TAIL_STEPS = 4.0, 30  # ends of the axis that are tried: up to 1e18 beyond the grid
 LIMITS = np.array([1e1, 1e2, 1e4, 1e6])  # beyond the ends, where the limits show
@@ -109,10 +113,16 @@ def proven_peaks(
     Raises
     ------
     InvalidInputError
-        No offset is permitted, but the loops leave one.
+        No offset is permitted, but the loops leave one; or more than `MOST` loops differ.
 
     """
     blocks, controllers = group_loops(plant, loops, uncertainty, performance.output_scale)
+    if len(controllers) > MOST:
+        message = (
+            f"mu is computed for at most {MOST} different settings, not for {len(controllers)}; "
+            "give some loops equal ones: any number of those costs nothing"
+        )
+        raise InvalidInputError(message, "/loops")
     analysis = LoopAnalysis(blocks, controllers, uncertainty, performance)
     require_bounded(analysis, loops)
     compiled = _compiled(plant, uncertainty, performance, loops)
@@ -214,10 +224,10 @@ def _compiled(
     plant: Plant, uncertainty: Uncertainty, performance: Performance, loops: Sequence[Controller]
 ) -> tuple[Tables, Scratch] | None:
     """Return the loop for the compiled enclosures; None where it has too many settings."""
-    if len(settings_of(plant, loops, uncertainty, performance.output_scale)) > MAX_SETTINGS:
+    if len(settings_of(plant, loops, uncertainty, performance.output_scale)) > MOST_PROVEN:
         return None
     level = 1.0  # each march brings its own
-    T = tables(ExactLoop.of(Claim(plant, uncertainty, performance, tuple(loops), level)))
+    T = tables(ExactLoop.of(Claim(plant, uncertainty, performance, tuple(loops), level), MOST_PROVEN))
     return T, scratch(T)
 
 
@@ -251,7 +261,7 @@ def _follow(T: Tables, S: Scratch, low: float, high: float, angles: NDArray[np.f
     return float(
         march(
             T, S, np.array([0.0, 1.0]), no_scales, low, high, FIRST_STEP, SHORTEST, MAX_STEPS,
-            no_level, TURN, angles,
+            no_level, TURN, angles, NO_TRAIL,
         )[0]
     )  # fmt: skip
 
@@ -287,7 +297,7 @@ class _CurveSearch:
             start = int(np.searchsorted(self.omega, far[0]))
             self._refine(np.array([start + int(np.argmax(self.values[start:]))]))
         if self.compiled is None:
-            self.reason = f"more than {MAX_SETTINGS} loops differ"
+            self.reason = f"more than {MOST_PROVEN} loops differ"
             self._resolve()
             return
         self._prove(*self.compiled)
@@ -304,12 +314,13 @@ class _CurveSearch:
                     self.reason += ": what dead time feeds through has any phase there"
             self._resolve()
             return
-        steps, shortest, log_ratio = MAX_STEPS, SHORT, FIRST_STEP
+        steps = min(MAX_STEPS, STEPS_BY_SIZE // T.controllers**3)
+        shortest, log_ratio = SHORT, FIRST_STEP
         for _ in range(MAX_LOOKS):
             level2 = ((1 + BRACKET) * self.peak.value) ** 2
             reached, log_ratio, steps = march(
                 T, S, np.log(self.omega), self.y, low, high, log_ratio, shortest, steps, level2,
-                self.curve, np.zeros(T.multiplicity.size),
+                self.curve, np.zeros(T.multiplicity.size), NO_TRAIL,
             )  # fmt: skip
             if reached >= high:
                 return
@@ -371,14 +382,14 @@ class _CurveSearch:
         low, high = (end, math.inf) if upper else (0.0, end)
         reached, _, _ = march(
             T, S, np.array([0.0, 1.0]), np.tile(y, (2, 1)), low, high, 1.0, 0.0, 1,
-            level**2, self.curve, np.zeros(T.multiplicity.size),
+            level**2, self.curve, np.zeros(T.multiplicity.size), NO_TRAIL,
         )  # fmt: skip
         return bool(reached >= high)
 
     def _resolve(self) -> None:
         """Halve the grid's intervals where the curve turns, where no proof tells where to look."""
         # One look costs as many solves as the grid had: with many loops there is time for few.
-        for _ in range(RESOLVING if self.analysis.blocks.n_scales <= MAX_SETTINGS else 1):
+        for _ in range(RESOLVING if self.compiled is not None else 1):
             values = np.log(np.maximum(self.values, np.finfo(float).tiny))
             bend = np.abs(np.diff(values, 2))
             turning = np.flatnonzero(bend > BEND)

@@ -34,6 +34,7 @@ __all__ = ["LoopAnalysis"]
 
 POINTS_PER_DECADE = 24
 BEYOND = 0.1  # the grid goes on so far beyond where the loop's gain can last be one
+MAX_ENTRIES = 4_000_000  # of matrices that are held at once: 64 MB each
 LOWEST = 1e-18  # of the lowest bend: slower directions are singular to working accuracy
 
 
@@ -81,15 +82,15 @@ class LoopAnalysis:
 
     def robust_performance(self, omega: NDArray[np.float64]) -> NDArray[np.float64]:
         """Upper bound of mu(N_RP) at `omega` (k,)."""
-        return self._robust_performance(self._at(omega))
+        return self._piecewise(self._robust_performance, omega)
 
     def robust_stability(self, omega: NDArray[np.float64]) -> NDArray[np.float64]:
         """Upper bound of mu(w_I C S G) at `omega` (k,)."""
-        return self._robust_stability(self._at(omega))
+        return self._piecewise(self._robust_stability, omega)
 
     def nominal_performance(self, omega: NDArray[np.float64]) -> NDArray[np.float64]:
         """sigma_max(w_P S) at `omega` (k,)."""
-        return self._nominal_performance(self._at(omega))
+        return self._piecewise(self._nominal_performance, omega)
 
     def level(
         self, curve: int, omega: NDArray[np.float64]
@@ -98,19 +99,28 @@ class LoopAnalysis:
 
         0 is robust performance, 1 robust stability, 2 nominal performance, whose scales are one.
         """
-        loop = self._at(omega)
+        parts = [self._level(curve, self._at(omega[part])) for part in self._parts(omega.size)]
+        values, scales = zip(*parts, strict=True)
+        return np.concatenate(values), np.concatenate(scales)
+
+    def _level(
+        self, curve: int, loop: _KernelData
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         if curve == 0:
             d = self._scales(loop, 1.0)
             return self._robust_performance(loop, d), d
         if curve == 1:
             d = self._scales(loop, 0.0)
             return self._robust_stability(loop, d), d
-        return self._nominal_performance(loop), np.ones((omega.size, self.blocks.n_scales))
+        return self._nominal_performance(loop), np.ones((len(loop.c), self.blocks.n_scales))
 
     def curves(self, omega: NDArray[np.float64]) -> Curves:
         """Robust performance, robust stability and nominal performance at `omega` (k,)."""
-        loop = self._at(omega)
-        return Curves(omega, *(curve(loop) for curve in self._curves))
+        parts = []
+        for part in self._parts(omega.size):
+            loop = self._at(omega[part])
+            parts.append([curve(loop) for curve in self._curves])
+        return Curves(omega, *(np.concatenate(each) for each in zip(*parts, strict=True)))
 
     def peaks(self, curves: Curves) -> Peaks:
         """Peaks of the three curves, refined from those on a grid."""
@@ -120,6 +130,11 @@ class LoopAnalysis:
         """Maxima of the three curves, refined from those on a grid: frequencies and values."""
 
         def side_by_side(parts: list[NDArray[np.float64]]) -> list[NDArray[np.float64]]:
+            if len(self._parts(sum(part.size for part in parts))) > 1:
+                return [
+                    self._piecewise(curve, part)
+                    for curve, part in zip(self._curves, parts, strict=True)
+                ]
             loop = self._at(np.concatenate(parts))
             return [
                 curve(loop[part]) for curve, part in zip(self._curves, slices(parts), strict=True)
@@ -127,6 +142,17 @@ class LoopAnalysis:
 
         on_grid = curves.robust_performance, curves.robust_stability, curves.nominal_performance
         return maxima(side_by_side, [(curves.omega, curve) for curve in on_grid])
+
+    def _piecewise(
+        self, curve: Callable[[_KernelData], NDArray[np.float64]], omega: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        return np.concatenate([curve(self._at(omega[part])) for part in self._parts(omega.size)])
+
+    def _parts(self, count: int) -> list[slice]:
+        """Return slices of so many frequencies, each with matrices that fit the memory."""
+        entries = sum(4 * block.size**2 for block in self.blocks.blocks)
+        at_once = max(1, MAX_ENTRIES // entries)
+        return [slice(first, first + at_once) for first in range(0, max(count, 1), at_once)]
 
     @property
     def _curves(self) -> tuple[Callable[[_KernelData], NDArray[np.float64]], ...]:

@@ -24,7 +24,9 @@ def _scales_at(log_omega, y, at, x):
 
 
 @compiled
-def march(T, S, log_omega, y, low, high, log_ratio, shortest, attempts, level2, kind, angles):
+def march(
+    T, S, log_omega, y, low, high, log_ratio, shortest, attempts, level2, kind, angles, trail
+):
     """Prove a statement from `low` to `high`, in steps as long as can be proven.
 
     An interval that reaches 0 or infinity is one step; `log_omega` counts as its middle.
@@ -43,6 +45,8 @@ def march(T, S, log_omega, y, low, high, log_ratio, shortest, attempts, level2, 
         Steps that may be tried.
     level2, kind, angles
         As for `solver.robustness.enclosed_forms.holds`.
+    trail : (k,)
+        The ends of the first k steps are left here.
 
     Returns
     -------
@@ -55,6 +59,7 @@ def march(T, S, log_omega, y, low, high, log_ratio, shortest, attempts, level2, 
 
     """
     x = np.empty(y.shape[1])
+    step = 0
     open_ended = low == 0.0 or high == math.inf
     while low < high and attempts > 0 and log_ratio > shortest:
         attempts -= 1
@@ -69,6 +74,9 @@ def march(T, S, log_omega, y, low, high, log_ratio, shortest, attempts, level2, 
         _scales_at(log_omega, y, middle, x)
         if holds(T, S, low, end, x, level2, kind, angles):
             low = end
+            if step < trail.size:
+                trail[step] = end
+                step += 1
             log_ratio *= WIDER
         elif open_ended:
             break

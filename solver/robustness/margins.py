@@ -23,6 +23,7 @@ from solver.model.subsystems import interchangeable, subsystem
 from solver.robustness.bandwidth import HALF_POWER
 from solver.robustness.slow_modes import slow_end
 from solver.robustness.subsets import Subsets
+from solver.robustness.turning import turning_points
 from solver.stability.closed_loop import unstable_poles
 
 if TYPE_CHECKING:
@@ -52,6 +53,7 @@ NEGLIGIBLE = 1e-3  # |L| below which a phase crossing is no gain margin worth a 
 POINTS_A_DECADE = 40
 LARGEST_TURN = 0.2  # rad of phase between neighbouring grid points, of L and of 1 + L
 MAX_POINTS = 20_000
+CLOSEST = 1e-12  # relative: what is narrower than that, rounding hides
 SECTIONS = 16  # of an interval a round
 ROOT_ROUNDS = 4  # to 2e-5 of a grid step; the chord's error there is the square of that
 
@@ -143,7 +145,11 @@ def loop_margins(
         return alone + _together(plant, loops, closed, omega[len(sound) :])
 
     grids = [loop_frequencies(*subsystem(plant, loops, (unit,))) for unit in sound]
-    found = _margins(transfers, grids + [shared] * len(closed))
+    # 1 + L = det(I + P C)/det(I + P_rr C_r): what either of them does, L shows.
+    for unit in closed:
+        others = subsystem(plant, loops, [other for other in range(plant.n) if other != unit])
+        grids.append(np.union1d(shared, turning_points(*others, shared[0], shared[-1])))
+    found = _margins(transfers, grids)
     alone = dict(zip(sound, found, strict=False))
     together = dict(zip(closed, found[len(sound) :], strict=True)) if plant.n > 1 else alone
     return tuple(
@@ -376,7 +382,7 @@ def _coarse(omega: NDArray[np.float64], L: NDArray[np.complex128]) -> NDArray[np
     return np.flatnonzero(
         (turn > LARGEST_TURN)
         & (np.maximum(np.abs(L[1:]), np.abs(L[:-1])) > NEGLIGIBLE)
-        & (omega[1:] > omega[:-1] * (1 + 1e-9))
+        & (omega[1:] > omega[:-1] * (1 + CLOSEST))
         & (omega.size < MAX_POINTS)
     )
 
@@ -393,4 +399,6 @@ def loop_frequencies(plant: Plant, loops: Sequence[Controller]) -> NDArray[np.fl
     ]
     highest = max(float(bends[-1]), *reach)
     low = slow_end(plant, loops, BELOW * float(bends[0]))
-    return grid(low, ABOVE * highest, POINTS_A_DECADE, [resonances(plant)])
+    high = ABOVE * highest
+    extra = [resonances(plant), turning_points(plant, loops, low, high)]
+    return grid(low, high, POINTS_A_DECADE, extra)

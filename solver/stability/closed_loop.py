@@ -15,6 +15,7 @@ import numpy as np
 from solver.model.blocks import group_loops
 from solver.model.frequencies import corners, finite_reach, resonances
 from solver.model.open_loop import require_supported
+from solver.model.plants import ParallelPlant
 from solver.stability.encirclements import LoopBatch, count_unstable
 from solver.stability.neutral import direct_gain, neutral_gain
 from solver.stability.singular import lost_directions
@@ -36,6 +37,7 @@ __all__ = [
     "unstable_poles",
 ]
 
+MANY = 3  # different settings on a parallel plant from which the determinant's factors are followed
 INFINITELY_MANY = 10**9  # closed-loop poles of an unstable loop of neutral type
 
 
@@ -115,13 +117,36 @@ def closed_loop_poles(plant: Plant, loops: Sequence[Controller]) -> ClosedLoopPo
         def loop_gain(omega: NDArray[np.float64], index: int = index) -> NDArray[np.complex128]:
             return _loop_gain(blocks, controllers, omega, index)[:, None]
 
+        def factors(omega: NDArray[np.float64]) -> NDArray[np.complex128]:
+            return _factors(blocks, controllers, omega)[:, None]
+
         direct = means if index == 0 else differences[list(block.channels), None, None]
+        many = isinstance(plant, ParallelPlant) and block.size > MANY
         batch = LoopBatch(
             loop_gain, bends, resonances(plant), direct,
             int(integrating[list(block.channels)].sum()) - lost[index],
+            factors if many else None,
         )  # fmt: skip
         total += block.multiplicity * int(count_unstable(batch)[0])
     return ClosedLoopPoles(total, at_origin)
+
+
+def _factors(
+    blocks: LoopBlocks, controllers: Sequence[Controller], omega: NDArray[np.float64]
+) -> NDArray[np.complex128]:
+    """Factors of the determinant of a parallel plant's means, (k, m + 1).
+
+    det(I + ((g - i) I + i 1 m^T) C) = prod_a d_a (1 + sum_a m_a i c_a/d_a), d_a = 1 + (g - i) c_a,
+    by the matrix determinant lemma.
+    """
+    plant = blocks.plant
+    assert isinstance(plant, ParallelPlant)  # noqa: S101 - for the type checker
+    interaction = plant.interaction.response(omega)[:, None]
+    c = np.stack([controllers[a].response(omega) for a in blocks.blocks[0].channels], axis=-1)
+    apart = 1 + (plant.process.response(omega)[:, None] - interaction) * c
+    sizes = np.array([len(part) for part in blocks.parts])
+    joint = 1 + (sizes * interaction * c / apart).sum(axis=1, keepdims=True)
+    return np.concatenate([apart, joint], axis=1)
 
 
 def _loop_gain(

@@ -26,6 +26,7 @@ LoopGain: TypeAlias = "Callable[[NDArray[np.float64]], NDArray[np.complex128]]"
 
 LARGEST_TURN = 0.6  # rad between neighbouring points, a tenth of a full turn
 MAX_POINTS = 40_000
+MAX_ENTRIES = 4_000_000  # of the matrices of all loops that are held at once: 64 MB
 POINTS_PER_DECADE = 30
 SMALL = 0.1  # at the high end: what is left of a loop's gain beyond its direct part,
 LEVEL = 1e-3  # or its relative change over a decade where dead time feeds through
@@ -50,6 +51,9 @@ class LoopBatch:
         At least so many poles has det(I + L) at s = 0, those of the integrating controllers. A
         very weak direction shows its own far below all corners only, and there its closed-loop
         pole is; what never shows stays there, a closed-loop pole at s = 0.
+    factors : callable or None
+        Factors of det(I + L), (k, loops, f), where it has some: the argument of each is followed,
+        since that of a product of many may turn once round from point to point unseen.
 
     """
 
@@ -58,14 +62,25 @@ class LoopBatch:
     resonances: NDArray[np.float64]
     direct: NDArray[np.float64]
     integrators: NDArray[np.int64] | int = 0
+    factors: LoopGain | None = None
 
     def determinant(self, omega: NDArray[np.float64]) -> _Determinant:
-        """det(I + L) at `omega` (k,), (k, loops)."""
-        return _determinant(self.loop_gain(omega))
+        """det(I + L) at `omega` (k,), (k, loops, f), by its factors."""
+        if self.factors is not None:
+            values = self.factors(omega)
+            size = np.abs(values)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                return _Determinant(values / size, np.log(size))
+        at_once = max(1, MAX_ENTRIES // self.loop_gain(omega[:1]).size)
+        parts = [
+            _determinant(self.loop_gain(omega[first : first + at_once]))
+            for first in range(0, omega.size, at_once)
+        ]
+        return _Determinant(*(np.concatenate(each) for each in zip(*parts, strict=True)))
 
 
 class _Determinant(NamedTuple):
-    """det(I + L) = direction e^log_size: of many loops it does not fit a double."""
+    """det(I + L), each factor a direction times e^log_size: of many it does not fit a double."""
 
     direction: NDArray[np.complex128]
     log_size: NDArray[np.float64]
@@ -107,7 +122,8 @@ def _low_end(
     """Return a frequency below which det ~ K s^-order, order, and the direction of K, (loops,)."""
     omega = 1e-3 * float(batch.bends[0])
     for _ in range(30):
-        direction, log_size = batch.determinant(np.array([omega, omega / 2]))
+        directions, log_sizes = batch.determinant(np.array([omega, omega / 2]))
+        direction, log_size = directions.prod(axis=-1), log_sizes.sum(axis=-1)
         slope = (log_size[1] - log_size[0]) / math.log(2)
         order = np.round(slope)
         rest = direction[0] * 1j**order
@@ -140,7 +156,8 @@ def _high_end(batch: LoopBatch) -> tuple[float, NDArray[np.complex128]]:
 
 def _determinant(L: NDArray[np.complex128]) -> _Determinant:
     """det(I + L) of each L (..., m, m)."""
-    return _Determinant(*np.linalg.slogdet(np.eye(L.shape[-1]) + L))
+    sign, log_size = np.linalg.slogdet(np.eye(L.shape[-1]) + L)
+    return _Determinant(sign[..., None], log_size[..., None])
 
 
 def _turns(
@@ -148,9 +165,10 @@ def _turns(
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Total turn of each argument over `omega`, refined, and where it passes through 0."""
     values, log_size = batch.determinant(omega)
-    lost: NDArray[np.bool_] = np.zeros(values.shape[1], dtype=bool)
+    lost: NDArray[np.bool_] = np.zeros(values.shape[1:], dtype=bool)
     # A determinant of many loops rises faster than each of them: a factor e for every four.
-    steep = max(1.0, 0.25 * batch.loop_gain(omega[:1]).shape[-1])
+    size = 1 if batch.factors is not None else batch.loop_gain(omega[:1]).shape[-1]
+    steep = max(1.0, 0.25 * size)
     while True:
         turn = np.angle(values[1:] * values[:-1].conj())
         coarse = (np.abs(turn) > LARGEST_TURN) | (np.abs(np.diff(log_size, axis=0)) > steep)
@@ -159,12 +177,12 @@ def _turns(
         # No room between two points, or for more of them: a zero on the axis.
         crowded = (middle <= omega[:-1]) | (middle >= omega[1:])
         lost |= coarse[crowded].any(axis=0)
-        split = (coarse & ~lost).any(axis=1)
+        split = (coarse & ~lost).any(axis=(1, 2))
         if omega.size + np.count_nonzero(split) > MAX_POINTS:
             lost |= coarse.any(axis=0)
             split = np.zeros_like(split)
         if not split.any():
-            return turn.sum(axis=0), lost
+            return turn.sum(axis=(0, 2)), np.asarray(lost.any(axis=1))
         where = np.flatnonzero(split) + 1
         directions, sizes = batch.determinant(middle[split])
         values = np.insert(values, where, directions, axis=0)

@@ -82,12 +82,22 @@ def test_the_level_of_a_guarantee_can_be_certified(case) -> None:
 
 def test_too_many_different_loops_leave_the_question_open() -> None:
     """Beyond the proof's reach the result says so, and why."""
-    loops = [Controller(1 + 1e-3 * unit, 100) for unit in range(22)]
-    plant = first_order(22, 1, 100, 0.01, 1)
-    result = analyse(plant, Uncertainty.from_error(0.2, 1), Performance(tau_p=TAU_P), loops)
-    assert result.guarantee is not None
-    assert result.guarantee.status is GuaranteeStatus.OPEN
-    assert result.guarantee.reason == "more than 20 loops differ"
+    loops = [Controller(1 + 1e-3 * unit, 100) for unit in range(42)]
+    plant = first_order(42, 1, 100, 0.01, 1)
+    found = proven_peaks(plant, Uncertainty.from_error(0.2, 1), Performance(tau_p=TAU_P), loops)
+    assert found.guarantee.status is GuaranteeStatus.OPEN
+    assert found.guarantee.reason == "more than 40 loops differ"
+
+
+def test_loops_beyond_any_reach_are_refused_at_once() -> None:
+    """Three hundred unlike loops end in a sentence, not in an hour; equal ones cost nothing."""
+    plant = first_order(300, 1, 100, 0.001, 1)
+    task = plant, Uncertainty.from_error(0.2, 1), Performance(tau_p=TAU_P)
+    with pytest.raises(InvalidInputError, match="at most 100 different settings") as refused:
+        analyse(*task, [Controller(1 + 1e-3 * unit, 100) for unit in range(300)])
+    assert refused.value.field == "/loops"
+    found = proven_peaks(*task, [Controller(1 + unit // 150, 100) for unit in range(300)])
+    assert found.guarantee.status is GuaranteeStatus.PROVEN
 
 
 def test_many_unstable_poles_are_counted_exactly() -> None:

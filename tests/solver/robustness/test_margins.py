@@ -222,3 +222,28 @@ def test_unstable_processes_are_refused() -> None:
     bad = ParallelPlant(1, TransferFunction([1], [100, -1]), plant.interaction)
     with pytest.raises(UnsupportedPlantError):
         loop_margins(bad, (FAST,))
+
+
+@pytest.mark.parametrize("near", [1e-3, 1e-5, 1e-7])
+@pytest.mark.parametrize("coupling", [0.03, 0.1])
+def test_a_resonance_of_the_other_loops_is_not_missed(near: float, coupling: float) -> None:
+    """Loop 2 rings alone; through weak coupling loop 1 sees it in a band narrower than any grid."""
+    plant = MatrixPlant(
+        [
+            [TransferFunction([1], [10, 1]), TransferFunction([coupling], [5, 1])],
+            [TransferFunction([coupling], [5, 1]), TransferFunction([1], [1, 3, 3, 1])],
+        ]
+    )
+    loops = [Controller(3, 10), Controller(8 * (1 - near), 1e4)]
+    assert is_stable(plant, loops)
+    found = loop_margins(plant, loops)[0].together
+    assert found is not None
+    # 1/(s + 1)^3 oscillates at sqrt(3) under the gain 8.
+    aside = np.geomspace(1e-10, 1e-1, 4000)
+    L = loop_transfer(plant, loops, 0)(math.sqrt(3) * np.concatenate([1 - aside, 1 + aside]))
+    assert found.sensitivity.value >= np.abs(1 / (1 + L)).max() * (1 - 1e-9)
+    assert found.complementary_sensitivity.value >= np.abs(L / (1 + L)).max() * (1 - 1e-9)
+    # The gain margin holds: stable just inside, unstable just outside.
+    for factor, stable in ((1 - 1e-6, True), (1 + 1e-6, False)):
+        gain = factor * found.gain_increase
+        assert is_stable(plant, [scaled(loops[0], gain), loops[1]]) == stable

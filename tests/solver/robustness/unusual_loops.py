@@ -172,7 +172,11 @@ def matrices(loop: UnusualLoop, omega: NDArray[np.float64]) -> NDArray[np.comple
 def rough_bound(N: NDArray[np.complex128], *, full: bool = False) -> NDArray[np.float64]:
     """sigma_max(D N D^-1) for scales that balance rows and columns: a bound, not the best."""
     d = _balanced(N, full=full)
-    return np.linalg.norm(d[:, :, None] * N / d[:, None, :], ord=2, axis=(1, 2))
+    scaled = d[:, :, None] * N / d[:, None, :]
+    sound = np.isfinite(scaled).all(axis=(1, 2))  # 0/0 far beyond the dynamics
+    values = np.zeros(len(N))
+    values[sound] = np.linalg.norm(scaled[sound], ord=2, axis=(1, 2))
+    return values
 
 
 def _balanced(N: NDArray[np.complex128], *, full: bool = False) -> NDArray[np.float64]:

@@ -132,3 +132,14 @@ def test_unstable_plants_are_refused(den):
     with pytest.raises(UnsupportedPlantError, match="open-loop unstable") as error:
         unstable_poles(plant, [Controller(1, 1)] * 2)
     assert error.value.field == "/plant/interaction/den"
+
+
+def test_hundreds_of_unlike_loops_are_counted_right():
+    """The argument of a product of 300 factors turns once round between two points unseen."""
+    loops = [Controller(1 + 1e-3 * unit, 100) for unit in range(300)]
+    assert is_stable(first_order(300, 1, 100, 0.001, 1), loops)
+    # Without interaction each loop stands for itself: those of gains above pi/2 * 100 are lost.
+    plant = first_order(40, 1, 100, 0, 1)
+    loops = [Controller(100 + 5 * unit, 100) for unit in range(40)]
+    alone = [unstable_poles(first_order(1, 1, 100, 0, 1), [loop]) for loop in loops]
+    assert unstable_poles(plant, loops) == sum(alone) > 0
