@@ -28,13 +28,6 @@ __all__ = [
 
 _Model = TypeVar("_Model", bound=BaseModel)
 
-# A union puts the tag of the chosen form into pydantic's location; it is no part of the JSON.
-_TAGS = {
-    "plant": {"parallel", "first_order", "matrix", "state_space"},
-    "uncertainty": {"error", "weight"},
-    "pairing": {"best", "list"},
-    "perturbation": {"actuators", "coupled", "worst_case"},
-}
 _MAX_FAULTS = 20
 _LOOKED_AT = 60  # some of them say the same
 _MEANT = "no such field; did you mean "
@@ -85,12 +78,14 @@ def parse(model: type[_Model], text: bytes | str) -> _Model:
     except ValidationError as error:
         # Whoever sends ten thousand faults gets the first ones: words for each cost a millisecond.
         details = error.errors(include_url=False, include_input=False)[:_LOOKED_AT]
-        faults = _once(
-            [
-                (item["type"], Fault(_pointer(item["loc"], item["type"]), _words(model, item)))
-                for item in details
-            ]
-        )[:_MAX_FAULTS]
+        value = _value(text)
+        found = []
+        for item in details:
+            place = _place(item["loc"], item["type"], value)
+            found.append(
+                (item["type"], Fault(_pointer(place, item["type"]), _words(model, item, place)))
+            )
+        faults = _once(found)[:_MAX_FAULTS]
         raise RequestError(
             faults, is_json=all(item["type"] != "json_invalid" for item in details)
         ) from None
@@ -131,8 +126,9 @@ def _once(faults: list[tuple[str, Fault]]) -> tuple[Fault, ...]:
     """Return each fault once.
 
     A list that lost a faulty item is not too short besides, and a field whose name is misspelt is
-    not missing besides.
+    not missing besides. What several forms of a value refuse is told by the first of them.
     """
+    faults = list({fault.pointer: (kind, fault) for kind, fault in reversed(faults)}.values())[::-1]
     pointers = [fault.pointer for _, fault in faults]
     meant = {
         f"{fault.pointer.rsplit('/', 1)[0]}/{fault.detail.removeprefix(_MEANT).removesuffix('?')}"
@@ -150,7 +146,7 @@ def _once(faults: list[tuple[str, Fault]]) -> tuple[Fault, ...]:
     )
 
 
-def _words(model: type[BaseModel], item: ErrorDetails) -> str:
+def _words(model: type[BaseModel], item: ErrorDetails, place: Sequence[int | str]) -> str:
     """Return what is wrong, with the name that was meant where one is near."""
     if item["type"] == "too_short":
         context = item.get("ctx", {})
@@ -158,8 +154,8 @@ def _words(model: type[BaseModel], item: ErrorDetails) -> str:
         return f"at least {least} {'entry' if least == 1 else 'entries'} needed"
     if item["type"] != "extra_forbidden":
         return item["msg"]
-    given = str(item["loc"][-1])
-    names = field_names(model.model_json_schema(), item["loc"][:-1])
+    given = str(place[-1])
+    names = field_names(model.model_json_schema(), place[:-1])
     # A field of another kind of plant is named rightly, and has no place here.
     near = [] if given in names else difflib.get_close_matches(given, names, 1)
     return f"{_MEANT}{near[0]}?" if near else "no such field"
@@ -173,16 +169,11 @@ def field_names(schema: dict[str, Any], location: Sequence[int | str]) -> list[s
     schema : dict
         JSON schema of the whole.
     location : sequence of int or str
-        Pydantic's location of the object, with the tags of unions.
+        Where the object is in the JSON.
 
     """
     places = _forms(schema, schema)
-    previous: int | str | None = None
     for part in location:
-        if isinstance(previous, str) and part in _TAGS.get(previous, ()):
-            previous = None
-            continue
-        previous = part
         inside = [
             place["properties"][part]
             for place in places
@@ -222,14 +213,45 @@ def _refuse_repetition(text: bytes | str) -> None:
     json.loads(text, object_pairs_hook=members)
 
 
-def _pointer(location: Sequence[int | str], kind: str) -> str:
-    parts: list[str] = []
-    previous: int | str | None = None
-    for part in location:
-        is_tag = isinstance(previous, str) and part in _TAGS.get(previous, ())
-        previous = None if is_tag else part
-        if not is_tag:
-            parts.append(str(part).replace("~", "~0").replace("/", "~1"))
+def _value(text: bytes | str) -> object:
+    try:
+        value: object = json.loads(text)
+    except (ValueError, RecursionError):
+        return None
+    return value
+
+
+def _place(location: Sequence[int | str], kind: str, value: object) -> list[int | str]:
+    """Return pydantic's location without the forms of unions that it names: no part of the JSON."""
+    found = _resolved(list(location), kind, value)
+    return list(location) if found is None else found
+
+
+def _resolved(location: list[int | str], kind: str, value: object) -> list[int | str] | None:
+    """Return the parts that lead through a JSON value; None where none of the readings does."""
+    if not location:
+        return []
+    part, rest = location[0], location[1:]
+    inside: object = None
+    if isinstance(part, int):
+        there = isinstance(value, list) and part < len(value)
+        inside = value[part] if isinstance(value, list) and there else None
+    else:
+        there = isinstance(value, dict) and part in value
+        inside = value[part] if isinstance(value, dict) and there else None
+    if not rest and kind == "missing":
+        return None if there else [part]
+    if there:
+        after = _resolved(rest, kind, inside)
+        if after is not None:
+            return [part, *after]
+    if isinstance(part, int) or (not rest and kind == "extra_forbidden"):
+        return None
+    return _resolved(rest, kind, value)
+
+
+def _pointer(place: Sequence[int | str], kind: str) -> str:
+    parts = [str(part).replace("~", "~0").replace("/", "~1") for part in place]
     if kind in {"union_tag_invalid", "union_tag_not_found"}:
         parts.append("kind")
     return "".join(f"/{part}" for part in parts)

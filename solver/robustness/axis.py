@@ -38,7 +38,15 @@ if TYPE_CHECKING:
     from solver.model.plants import Plant
     from solver.model.weights import Performance, Uncertainty
 
-__all__ = ["BRACKET", "AxisPeaks", "kept", "proven_count", "proven_peaks", "require_bounded"]
+__all__ = [
+    "BRACKET",
+    "AxisPeaks",
+    "followed_count",
+    "kept",
+    "proven_count",
+    "proven_peaks",
+    "require_bounded",
+]
 
 MOST_PROVEN = 40  # different settings: some ten seconds; the work grows with the fourth power
 MOST = 100  # different settings: a minute or two without a proof
@@ -232,7 +240,15 @@ def _compiled(
 
 
 def _count(T: Tables, S: Scratch, analysis: LoopAnalysis) -> int | None:
-    low = high = float(np.sqrt(analysis.omega[0] * analysis.omega[-1]))
+    return followed_count(T, S, float(analysis.omega[0]), float(analysis.omega[-1]))
+
+
+def followed_count(T: Tables, S: Scratch, low: float, high: float) -> int | None:
+    """Count the closed-loop poles with Re s >= 0 by proof; None where it is not found.
+
+    `low` and `high` are frequencies below and above what the loop does, rad per time unit.
+    """
+    low = high = math.sqrt(low * high)
     angles = np.zeros(T.multiplicity.size)
     for _ in range(TAIL_STEPS):
         if _follow(T, S, 0.0, low, angles) >= low:

@@ -4,7 +4,9 @@ import json
 
 import httpx
 import pytest
-from samples import TUNING, altered
+from samples import TUNING, altered, tuning
+
+from service.schemas import RequestError, parse_tuning_request
 
 PATH = "/v1/tunings"
 UNSTABLE = "the plant is open-loop unstable (pole at 1); stabilise it with an inner loop first"
@@ -178,3 +180,23 @@ def test_one_fault_is_one_error(
 def test_whole_numbers_may_be_written_with_a_point(client: httpx.Client) -> None:
     """2.0 units are two units: many writers print no integers."""
     assert client.post(PATH, json=altered(TUNING, "/plant/n", 2.0)).status_code == 202
+
+
+@pytest.mark.parametrize(
+    ("uncertainty", "pointers"),
+    [
+        ({"gain_error": 0.2}, ["/uncertainty/dead_time_error"]),
+        ({"epsilon": "much", "theta": 1}, ["/uncertainty/epsilon"]),
+        ({"epsilon": [0.2, "much"], "theta": 1}, ["/uncertainty/epsilon"]),
+        ({"weight": {"num": [1], "den": ["x"]}}, ["/uncertainty/weight/den/0"]),
+        ({}, ["/uncertainty/epsilon", "/uncertainty/theta"]),
+    ],
+)
+def test_pointers_lead_through_the_body_whatever_form_a_field_has(
+    uncertainty: dict[str, object], pointers: list[str]
+) -> None:
+    """No name of a form stands in a pointer, and what two forms refuse is one fault."""
+    text = json.dumps({**tuning(1), "uncertainty": uncertainty})
+    with pytest.raises(RequestError) as refused:
+        parse_tuning_request(text)
+    assert [fault.pointer for fault in refused.value.faults] == pointers

@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 from solver.model.controllers import Controller
-from solver.model.plants import MatrixPlant, first_order
+from solver.model.plants import MatrixPlant, Plant, first_order
 from solver.model.transfer_function import TransferFunction
 from solver.model.weights import Performance, Uncertainty
 from solver.robustness.axis import proven_peaks
-from solver.robustness.model_tolerance import ModelTolerance, model_tolerances
+from solver.robustness.model_tolerance import ModelTolerance, model_tolerances, parameters
 from solver.stability.closed_loop import is_stable
+from tests.solver.robustness.unusual_loops import draw
 
 UNCERTAINTY = Uncertainty.from_error(0.2, 1)
 PERFORMANCE = Performance(tau_p=19)
@@ -102,3 +103,32 @@ def test_a_demand_that_is_not_met_has_no_tolerance() -> None:
     """Only that of stability is told."""
     found = tolerances(first_order(2, 1, 100, 0.949), PUBLISHED, Performance(tau_p=2))
     assert all(each.demand is None for each in found.values())
+
+
+@pytest.mark.parametrize("seed", [40000, 40015, 40025, 40026, 40045, 40046])
+def test_every_end_of_unusual_loops_is_one(seed: int) -> None:
+    """Just inside the demand, or stability, holds over the whole axis; just outside it is lost."""
+    drawn = draw(np.random.default_rng(seed))
+    if not is_stable(drawn.plant, drawn.loops):
+        pytest.skip("unstable as drawn")
+    assert drawn.performance.tau_p is not None
+    slow = replace(drawn.performance, tau_p=100 * drawn.performance.tau_p, max_peak=20)
+    omega = proven_peaks(drawn.plant, drawn.uncertainty, slow, drawn.loops).curves.omega
+
+    def nominal(plant: Plant) -> float:
+        if not is_stable(plant, drawn.loops):
+            return math.inf
+        found = proven_peaks(plant, drawn.uncertainty, slow, drawn.loops)
+        return found.peaks.nominal_performance.value
+
+    changes = {(name, element): change for name, element, change in parameters(drawn.plant)}
+    for each in model_tolerances(drawn.plant, slow, drawn.loops, omega):
+        changed = changes[each.parameter, each.element]
+        for side, error in zip((-1, 1), each.demand or (), strict=False):
+            if error is not None:
+                assert nominal(changed(1 + error)) <= 1 + 1e-6
+                assert nominal(changed(1 + 1.03 * error + 2e-4 * side)) > 1
+        for side, error in zip((-1, 1), each.stability, strict=True):
+            if error is not None:
+                assert is_stable(changed(1 + error), drawn.loops)
+                assert not is_stable(changed(1 + 1.03 * error + 2e-4 * side), drawn.loops)
