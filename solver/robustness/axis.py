@@ -27,7 +27,7 @@ from solver.robustness.enclosed_forms import NOMINAL, ROBUST, STABILITY, TURN
 from solver.robustness.march import march
 from solver.robustness.record import Curves, Guarantee, GuaranteeStatus, Peaks
 from solver.robustness.tables import Scratch, Tables, scratch, tables
-from solver.robustness.worst_phase import any_phase, bound_beyond, far_phases
+from solver.robustness.worst_phase import any_phase, bound_beyond, far_phases, phases_beside
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -60,6 +60,7 @@ AHEAD = 20  # intervals that it reaches ahead
 MAX_STEPS = 60_000  # of a march: a second or two for two loops,
 STEPS_BY_SIZE = 100_000_000  # over the cube of unlike loops: some ten seconds for any number
 NO_TRAIL = np.empty(0)
+CLOSER = (1.0, 0.03)  # of the distance of two phases far out
 MAX_LOOKS = 400
 TAIL_STEP, TAIL_STEPS = 4.0, 30  # ends of the axis that are tried: up to 1e18 beyond the grid
 LIMITS = np.array([1e1, 1e2, 1e4, 1e6])  # beyond the ends, where the limits show
@@ -309,6 +310,11 @@ class _CurveSearch:
         far = far_phases(self.analysis.blocks.plant, self.analysis.omega[-1])
         if far.size:
             self._look(far)
+            # Of phases as far out a logarithm has few digits: closer looks go by omega itself.
+            for closer in CLOSER:
+                at = int(np.searchsorted(self.omega, far[0]))
+                best = self.omega[at + int(np.argmax(self.values[at:]))]
+                self._look(phases_beside(self.analysis.blocks.plant, float(best), closer))
             # A peak there is narrow where the loop gain is near one: the samples may miss its top.
             start = int(np.searchsorted(self.omega, far[0]))
             self._refine(np.array([start + int(np.argmax(self.values[start:]))]))
@@ -347,6 +353,7 @@ class _CurveSearch:
             self._look(low * np.exp(np.linspace(-1, AHEAD, LOOKS) * log_ratio))
             log_ratio = min(AHEAD * log_ratio, FIRST_STEP)
         self.reason = f"no proof near omega = {low:.6g}: the curve varies too quickly there"
+        self._resolve()
 
     def _end(self, T: Tables, S: Scratch, *, upper: bool) -> float | None:
         """Return a frequency from which the curve is proven to the end of the axis."""

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from solver.model.transfer_function import TransferFunction
     from solver.model.weights import Performance, Uncertainty
 
-__all__ = ["any_phase", "bound_beyond", "far_phases"]
+__all__ = ["any_phase", "bound_beyond", "far_phases", "phases_beside"]
 
 PHASES = 64  # of each dead time that feeds through
 FAR = 1e8  # over the grid's end: what is not fed through has died away, phases still have digits
@@ -53,6 +53,12 @@ def far_phases(plant: Plant, end: float) -> NDArray[np.float64]:
         for dead_time in any_phase(plant)
     ]
     return np.unique(np.concatenate(turns)) if turns else np.empty(0)
+
+
+def phases_beside(plant: Plant, omega: float, share: float) -> NDArray[np.float64]:
+    """Frequencies around `omega`, each dead time's phase up to a share of a step aside."""
+    steps = share * np.linspace(-1, 1, PHASES + 1) * 2 * math.pi / PHASES
+    return np.unique(np.concatenate([omega + steps / each for each in any_phase(plant)]))
 
 
 def bound_beyond(
@@ -88,7 +94,7 @@ def bound_beyond(
     gain = _greatest([(plant.element(0, 0).num, plant.element(0, 0).den), *_factors(loop)], end)
     if not gain < 1:
         return math.inf
-    uncertain = 0.0 if curve == NOMINAL else _greatest(_of(uncertainty.weight_of(0)), end) * gain
+    uncertain = 0.0 if curve == NOMINAL else _greatest(_of(uncertainty.weight), end) * gain
     demanded = 0.0 if curve == STABILITY else _greatest(_of(performance.weight), end)
     return (1 + SLACK) * (uncertain + demanded) / (1 - gain)
 

@@ -207,3 +207,17 @@ def test_many_phases_at_infinity_are_told() -> None:
     )
     assert found.guarantee.status is GuaranteeStatus.OPEN
     assert "has any phase" in str(found.guarantee.reason)
+
+
+def test_the_worst_phase_far_out_is_met_though_few_digits_tell_it() -> None:
+    """A dead time of thousands of corner periods feeds through: the supremum is at infinity."""
+    drawn = draw_any(np.random.default_rng(21781))
+    found = proven_peaks(drawn.plant, drawn.uncertainty, drawn.performance, drawn.loops)
+    gain = np.abs(drawn.plant.element(0, 0).num[0] / drawn.plant.element(0, 0).den[0])
+    loop = drawn.loops[0]
+    assert loop.derivative_time is not None
+    assert loop.filter_time is not None
+    gain *= loop.gain * loop.derivative_time / loop.filter_time
+    w_I = drawn.uncertainty.weight.num[0] / drawn.uncertainty.weight.den[0]
+    supremum = (w_I * gain + 1 / drawn.performance.max_peak) / (1 - gain)
+    assert found.peaks.robust_performance.value == pytest.approx(supremum, rel=1e-6)
