@@ -103,5 +103,11 @@ def _first(
     if first == 0:
         return 0.0
     low, high = np.log(omega[[first - 1, first]])
-    root = brentq(lambda x: float(curve(np.exp([x]))[0]) - HALF_POWER, low, high, xtol=1e-13)
-    return float(np.exp(root))
+
+    def excess(x: float) -> float:
+        return float(curve(np.exp([x]))[0]) - HALF_POWER
+
+    # Of nearly singular plants a single value may differ from that on the grid, by rounding.
+    if excess(low) >= 0 or excess(high) <= 0:
+        return float(omega[first])
+    return float(np.exp(brentq(excess, low, high, xtol=1e-13)))

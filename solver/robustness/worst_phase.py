@@ -94,7 +94,7 @@ def bound_beyond(
     gain = _greatest([(plant.element(0, 0).num, plant.element(0, 0).den), *_factors(loop)], end)
     if not gain < 1:
         return math.inf
-    uncertain = 0.0 if curve == NOMINAL else _greatest(_of(uncertainty.weight), end) * gain
+    uncertain = 0.0 if curve == NOMINAL else _greatest(_of(uncertainty.weight_of(0)), end) * gain
     demanded = 0.0 if curve == STABILITY else _greatest(_of(performance.weight), end)
     return (1 + SLACK) * (uncertain + demanded) / (1 - gain)
 

@@ -121,3 +121,15 @@ def test_proportional_loops_never_below_have_none() -> None:
     plant = MatrixPlant([[TransferFunction([1], [1, 1])]])
     found = of(plant, (Controller(0.1, None),))
     assert found == Bandwidths(alone=0.0, worst_direction=0.0, best_direction=0.0)
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e6, 1e-6])
+@pytest.mark.parametrize("apart", [1e-7, 1e-12])
+def test_nearly_singular_plants_have_bandwidths_in_any_unit_of_time(
+    scale: float, apart: float
+) -> None:
+    """Where rounding hides the crossing the grid's point is told; nothing fails."""
+    strong = TransferFunction([1], [10 * scale, 1])
+    weak = TransferFunction([1 - apart], [10 * scale, 1])
+    found = of(MatrixPlant([[strong, weak], [weak, strong]]), (Controller(1, 10 * scale),) * 2)
+    assert 0 <= found.worst_direction * scale < 1e-5
