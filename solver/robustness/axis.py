@@ -23,7 +23,8 @@ from solver.model.blocks import group_loops
 from solver.model.errors import InvalidInputError
 from solver.model.peaks import Peak, greatest, tops, zoom
 from solver.robustness.curves import LoopAnalysis
-from solver.robustness.enclosed_forms import NOMINAL, ROBUST, STABILITY, TURN
+from solver.robustness.enclosed_forms import NOMINAL, ROBUST, STABILITY
+from solver.robustness.followed import followed_count
 from solver.robustness.march import march
 from solver.robustness.record import Curves, Guarantee, GuaranteeStatus, Peaks
 from solver.robustness.tables import Scratch, Tables, scratch, tables
@@ -41,7 +42,6 @@ if TYPE_CHECKING:
 __all__ = [
     "BRACKET",
     "AxisPeaks",
-    "followed_count",
     "kept",
     "proven_count",
     "proven_peaks",
@@ -243,44 +243,6 @@ def _compiled(
 def _count(T: Tables, S: Scratch, analysis: LoopAnalysis) -> int | None:
     return followed_count(T, S, float(analysis.omega[0]), float(analysis.omega[-1]))
 
-
-def followed_count(T: Tables, S: Scratch, low: float, high: float) -> int | None:
-    """Count the closed-loop poles with Re s >= 0 by proof; None where it is not found.
-
-    `low` and `high` are frequencies below and above what the loop does, rad per time unit.
-    """
-    low = high = math.sqrt(low * high)
-    angles = np.zeros(T.multiplicity.size)
-    for _ in range(TAIL_STEPS):
-        if _follow(T, S, 0.0, low, angles) >= low:
-            break
-        low /= TAIL_STEP
-    else:
-        return None
-    for _ in range(TAIL_STEPS):
-        if math.isinf(_follow(T, S, high, math.inf, angles)):
-            break
-        high *= TAIL_STEP
-    else:
-        return None
-    if low < high and _follow(T, S, low, high, angles) < high:
-        return None
-    zeros = np.round(-angles)
-    # Each is a sum of some hundred angles, right to 1e-4 at worst.
-    if not np.abs(-angles - zeros).max() < 0.1:
-        return None
-    return int(np.sum(zeros * T.multiplicity))
-
-
-def _follow(T: Tables, S: Scratch, low: float, high: float, angles: NDArray[np.float64]) -> float:
-    """Follow det(I + G C) from `low` upwards, at most to `high`; return how far."""
-    no_scales, no_level = np.zeros((2, T.controllers)), 1.0
-    return float(
-        march(
-            T, S, np.array([0.0, 1.0]), no_scales, low, high, FIRST_STEP, SHORTEST, MAX_STEPS,
-            no_level, TURN, angles, NO_TRAIL,
-        )[0]
-    )  # fmt: skip
 
 
 class _CurveSearch:
