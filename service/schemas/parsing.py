@@ -126,7 +126,8 @@ def _once(faults: list[tuple[str, Fault]]) -> tuple[Fault, ...]:
     """Return each fault once.
 
     A list that lost a faulty item is not too short besides, and a field whose name is misspelt is
-    not missing besides. What several forms of a value refuse is told by the first of them.
+    not missing besides. What several forms of a value refuse is told by the first of them, and
+    no value of the wrong type is one that another form has looked into.
     """
     faults = list({fault.pointer: (kind, fault) for kind, fault in reversed(faults)}.values())[::-1]
     pointers = [fault.pointer for _, fault in faults]
@@ -140,7 +141,7 @@ def _once(faults: list[tuple[str, Fault]]) -> tuple[Fault, ...]:
         for kind, fault in faults
         if not (kind == "missing" and fault.pointer in meant)
         and not (
-            kind == "too_short"
+            (kind == "too_short" or kind.endswith("_type"))
             and any(pointer.startswith(f"{fault.pointer}/") for pointer in pointers)
         )
     )

@@ -187,7 +187,7 @@ def test_whole_numbers_may_be_written_with_a_point(client: httpx.Client) -> None
     [
         ({"gain_error": 0.2}, ["/uncertainty/dead_time_error"]),
         ({"epsilon": "much", "theta": 1}, ["/uncertainty/epsilon"]),
-        ({"epsilon": [0.2, "much"], "theta": 1}, ["/uncertainty/epsilon"]),
+        ({"epsilon": [0.2, "much"], "theta": 1}, ["/uncertainty/epsilon/1"]),
         ({"weight": {"num": [1], "den": ["x"]}}, ["/uncertainty/weight/den/0"]),
         ({}, ["/uncertainty/epsilon", "/uncertainty/theta"]),
     ],
