@@ -140,9 +140,7 @@ def proven_peaks(
     curves = Curves(omega, *(values for values, _ in sampled))
     searches = [
         _CurveSearch(analysis, compiled, kind, greatest(*found), refined=found[0])
-        for kind, found in zip(
-            (ROBUST, STABILITY, NOMINAL), analysis.maxima(curves), strict=True
-        )
+        for kind, found in zip((ROBUST, STABILITY, NOMINAL), analysis.maxima(curves), strict=True)
     ]
     for search, samples in zip(searches, sampled, strict=True):
         search.take(omega, *samples)
@@ -236,13 +234,14 @@ def _compiled(
     if len(settings_of(plant, loops, uncertainty, performance.output_scale)) > MOST_PROVEN:
         return None
     level = 1.0  # each march brings its own
-    T = tables(ExactLoop.of(Claim(plant, uncertainty, performance, tuple(loops), level), MOST_PROVEN))
+    T = tables(
+        ExactLoop.of(Claim(plant, uncertainty, performance, tuple(loops), level), MOST_PROVEN)
+    )
     return T, scratch(T)
 
 
 def _count(T: Tables, S: Scratch, analysis: LoopAnalysis) -> int | None:
     return followed_count(T, S, float(analysis.omega[0]), float(analysis.omega[-1]))
-
 
 
 class _CurveSearch:
