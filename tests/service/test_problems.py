@@ -162,6 +162,26 @@ def test_all_faults_are_reported_at_once(client: httpx.Client) -> None:
             {"kind": "matrix", "elements": [[{"num": [1], "den": [1, -1]}]]},
             [("/plant/elements/0/0/den", UNSTABLE)],
         ),
+        (
+            "/scenarios",
+            [{"name": "x", "in_service": []}],
+            [("/scenarios/0/in_service", "at least 1 entry needed")],
+        ),
+        (
+            "/scenarios",
+            [{"name": "x", "in_service": {"any": 0}}],
+            [("/scenarios/0/in_service/any", "Input should be greater than or equal to 1")],
+        ),
+        (
+            "/uncertainty/epsilon",
+            [0.1, "a"],
+            [("/uncertainty/epsilon/1", "Input should be a valid number")],
+        ),
+        (
+            "/uncertainty",
+            {"weight": {"num": [0.2], "den": [1, 1]}, "theta": 1},
+            [("/uncertainty/theta", "no such field")],
+        ),
     ],
 )
 def test_one_fault_is_one_error(

@@ -57,6 +57,7 @@ def test_request_comes_back_with_all_defaults(client: httpx.Client) -> None:
     request = start(client, tuning(seed=7002))["request"]
     assert request["search"] == {
         "seed": 7002, "starts": None, "time_limit": 60.0, "start": None, "optimality_gap": False,
+        "limit": False,
     }  # fmt: skip
     assert request["controller"]["arrangement"] == "independent"
 
