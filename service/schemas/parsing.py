@@ -129,6 +129,8 @@ def _once(faults: list[tuple[str, Fault]]) -> tuple[Fault, ...]:
     not missing besides. What several forms of a value refuse is told by the first of them, and
     no value of the wrong type is one that another form has looked into.
     """
+    # The form counts whose type is right, else the first one.
+    faults = sorted(faults, key=lambda each: each[0].endswith("_type"))
     faults = list({fault.pointer: (kind, fault) for kind, fault in reversed(faults)}.values())[::-1]
     pointers = [fault.pointer for _, fault in faults]
     meant = {
