@@ -22,8 +22,9 @@ def fields_of_requests() -> str:
         body = item.get("post", {}).get("requestBody")
         if body is None or "/figures/" in path:
             continue
-        (content,) = body["content"].values()
-        names = _references(content["schema"])
+        names = [
+            name for content in body["content"].values() for name in _references(content["schema"])
+        ]
         waiting += names
         lines.append(f"| `POST {path}` | {', '.join(map(_link, names))} |")
     done: list[str] = []

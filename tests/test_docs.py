@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import contextlib
 import io
 import json
@@ -121,6 +122,34 @@ def test_python_reference_has_every_name() -> None:
     page = (ROOT / "docs" / "reference" / "python.md").read_text(encoding="utf-8")
     listed = " ".join(re.findall(r"<!-- python: ([\w\s]+) -->", page)).split()
     assert sorted(listed) == sorted(set(mutune.__all__) - {"__version__"})
+
+
+def test_listed_messages_are_those_of_the_program() -> None:
+    """Each message in the reference of warnings is written somewhere in the program."""
+    page = (ROOT / "docs" / "reference" / "warnings.md").read_text(encoding="utf-8")
+    written = "\n".join(_texts())
+    rows = re.findall(r"^\| (.+?) \|", page, re.MULTILINE)
+    listed = [quoted for row in rows for quoted in _QUOTED(row)]
+    parts = [
+        part.strip(" ,;:%()") for each in listed for part in re.split(r"\.\.\.?|\d[\d.]*", each)
+    ]
+    phrases = [part for part in parts if len(part.split()) > _WORDS_OF_A_PHRASE]
+    assert len(phrases) > len(listed) / 2
+    assert [phrase for phrase in phrases if phrase not in written] == []
+
+
+_QUOTED = re.compile(r"`(?:/[\w/]+: )?([^`]+)`").findall
+_WORDS_OF_A_PHRASE = 2
+
+
+def _texts() -> list[str]:
+    """Return the texts written in the program, without what is put into them."""
+    return [
+        node.value
+        for path in (*ROOT.glob("solver/**/*.py"), *ROOT.glob("service/**/*.py"))
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Constant) and isinstance(node.value, str)
+    ]
 
 
 def test_every_command_has_an_example() -> None:

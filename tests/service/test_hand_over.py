@@ -66,6 +66,14 @@ def test_band_and_repeats(http: Any) -> None:
     assert [each["unit"] for each in found["loops"][0]["values"]] == ["%", "1/s"]
 
 
+def test_gains_of_the_parallel_form_are_called_gains(http: Any) -> None:
+    """A described parallel law has Kp, Ki and Kd, in the equation and beside the values."""
+    target = {"form": "parallel", "time_unit": "s", "digits": 3}
+    found = handed_over(http, time_unit="min", target=target)
+    assert found["equation"].startswith("Kp + Ki/s + Kd*s")
+    assert [each["name"] for each in found["loops"][0]["values"]][:2] == ["Kp", "Ki"]
+
+
 def test_typed_values_are_judged_on_the_plant(http: Any) -> None:
     """Few digits miss the demand that many meet; the peak is that of the typed values."""
     peaks = []

@@ -23,7 +23,7 @@ from service.schemas.weights import Performance, Uncertainty
 from service.wording import TIME_UNIT
 from solver.hand_over.conversion import MAX_DIGITS, Scales
 from solver.hand_over.known import KNOWN
-from solver.hand_over.law import FilterEntry, Form, GainEntry, IntegralEntry, Law
+from solver.hand_over.law import FilterEntry, Form, GainEntry, IntegralEntry, Law, Names
 from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError
 from solver.model.plants import MAX_UNITS
@@ -92,11 +92,14 @@ class Target(RequestModel):
             message = "give either the name of a controller or a form"
             raise InvalidInputError(message, "")
         if self.form is not None:
+            gains = Names(gain="Kp", integral="Ki", derivative="Kd")
+            form = Form(self.form)
             law = Law(
-                form=Form(self.form),
+                form=form,
                 gain=GainEntry(self.gain),
                 integral=IntegralEntry(self.integral),
                 filter=FilterEntry(self.filter),
+                names=gains if form is Form.PARALLEL else Names(),
             )
             return law, self.time_unit, law.equation
         for known in KNOWN:
