@@ -72,15 +72,18 @@ def with_limit(
         if check() or time.monotonic() > end:
             raise _TimeUpError
 
+    warnings: list[str] = document.get("warnings") or []
     try:
         tick()
-        found = alternatives_to_json(compare_controllers(specification, tick=tick))
+        comparison = compare_controllers(specification, tick=tick)
+        found = alternatives_to_json(comparison)
+        warnings = [*warnings, *comparison.warnings]
     except (InvalidInputError, UnsupportedPlantError) as error:
         found = _without("not_covered", f"No limit: {error}.")
     except _TimeUpError:
         text = "No limit: the time was over before it was found; give search.time_limit more."
         found = _without("time_limit", text)
-    return {**document, "limit": found}
+    return {**document, "limit": found, "warnings": warnings}
 
 
 def _without(status: str, verdict: str) -> dict[str, Any]:
@@ -160,6 +163,8 @@ def _verdict(document: dict[str, Any], objective: str, reason: str | None) -> st
         return f"{sentence}."
     if objective == "mu":
         return f"{sentence}: it has {share:.0%} of the best single loops' peak."
+    if share > 1 / 1.05:  # what rounds to 1.0 is nothing won
+        return f"{sentence}: it would be no faster than the best single loops."
     return f"{sentence}: it would be {1 / share:.1f} times as fast as the best single loops."
 
 
