@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from solver.hand_over.law import FilterEntry, Form, GainEntry, IntegralEntry
 from solver.model.controllers import Controller, IdealForm, ParallelForm
 from solver.model.errors import InvalidInputError
+from solver.model.transfer_function import LARGEST
 
 if TYPE_CHECKING:
     from solver.hand_over.law import Law
@@ -77,6 +78,7 @@ def typed(loop: Controller, law: Law, *, scales: Scales, digits: int) -> Typed:
     fitted, notes = _fitted(loop, law)
     values = _rounded(_values(fitted, law, scales), digits)
     values, made = _made(values, law, scales, digits, reverse=loop.gain > 0)
+    _check_range(made)
     sign = -1.0 if law.signed and loop.gain < 0 else 1.0
     sums = sign if law.form is Form.PARALLEL else 1.0
     return Typed(
@@ -88,6 +90,16 @@ def typed(loop: Controller, law: Law, *, scales: Scales, digits: int) -> Typed:
         controller=made,
         notes=notes,
     )
+
+
+def _check_range(made: Controller) -> None:
+    """Refuse what no request could take back."""
+    for name in ("gain", "integral_time", "derivative_time", "filter_time"):
+        value = getattr(made, name)
+        least = 0.0 if name == "gain" else 1 / LARGEST
+        if value is not None and not least <= abs(value) <= LARGEST:
+            message = f"as typed it would be {value:.4g}; choose other units"
+            raise InvalidInputError(message, f"/{name}")
 
 
 def _made(
@@ -191,6 +203,9 @@ def _filter(lag: float, derivative: float | None, law: Law, scales: Scales) -> f
         return None
     if law.filter in {FilterEntry.TIME, FilterEntry.MEASUREMENT} or derivative is None:
         return lag * scales.time
+    if not derivative:
+        message = "the filter cancels the derivative action: leave both times out"
+        raise InvalidInputError(message, "/filter_time")
     return lag / derivative if law.filter is FilterEntry.RATIO else derivative / lag
 
 

@@ -186,3 +186,18 @@ def test_known_controllers_are_told_apart_and_sourced() -> None:
     """Names are unique, and each says where its law is published."""
     assert len({known.name for known in KNOWN}) == len(KNOWN) >= 15
     assert all(known.source and known.filter_rule for known in KNOWN)
+
+
+@pytest.mark.parametrize(
+    ("loop", "field"),
+    [
+        (Controller(1.0, 10.0, 1e-12), "/derivative_time"),
+        (Controller(1.0, 1e-12, 1e-12, 1e-12), "/filter_time"),
+    ],
+)
+def test_what_no_request_takes_back_is_refused(loop: Controller, field: str) -> None:
+    """Times at the edge of what is permitted, and a filter that cancels the derivative."""
+    law = Law(form=Form.IDEAL, filter=FilterEntry.RATIO)
+    with pytest.raises(InvalidInputError) as refused:
+        typed(loop, law, scales=Scales(time=60.0), digits=3)
+    assert refused.value.field == field
