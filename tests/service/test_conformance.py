@@ -23,6 +23,10 @@ CONFIG_TEXT = f"""
 [checks.positive_data_acceptance]
 expected-statuses = ["2xx", "404", "409", "422", "503"]
 
+# An analysis that takes too long or too much is answered 503, with the reason.
+[checks.not_a_server_error]
+expected-statuses = ["2xx", "3xx", "4xx", "503"]
+
 # What is longer than the schema permits may be refused for its length alone: 413.
 [checks.negative_data_rejection]
 expected-statuses = ["400", "401", "403", "404", "405", "406", "409", "413", "415", "422", "503"]
@@ -31,6 +35,15 @@ expected-statuses = ["400", "401", "403", "404", "405", "406", "409", "413", "41
 bearer = "mutune_{KEY}_{SECRET}"
 
 """
+
+
+@schemathesis.serializer("application/x-ndjson")
+def lines(_context: object, value: object) -> bytes:
+    """Return the lines of a body."""
+    values = value if isinstance(value, list) else [value]
+    return b"".join(json.dumps(each).encode() + b"\n" for each in values)
+
+
 CONFIG = SchemathesisConfig.from_str(CONFIG_TEXT)
 DOCUMENT = Path(__file__).parents[2] / "openapi" / "openapi.json"
 schema = schemathesis.openapi.from_path(DOCUMENT, config=CONFIG)
