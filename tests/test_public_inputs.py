@@ -214,6 +214,8 @@ def test_a_record_keeps_what_it_is_given_or_refuses_it_by_name(data, name, odd):
         assert same(stored, tuple(odd)[-len(stored) :])
         return
     stored = getattr(record, changed)
+    if changed == "omega" and isinstance(stored, np.ndarray):
+        odd = np.atleast_1d(odd)  # one frequency is an axis of one
     assert same(stored, odd) or (stored is None and odd is None)
 
 

@@ -52,7 +52,7 @@ class LimitRequest(TuningRequest, AnalysisRequest):
         examples=["none"],
     )
 
-    model_config = ConfigDict(json_schema_extra={"examples": [EXAMPLE]})
+    model_config = ConfigDict(json_schema_extra={"examples": [EXAMPLE], "x-form": False})
 
 
 class StateSpace(ResultModel):

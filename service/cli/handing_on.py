@@ -43,8 +43,9 @@ def requested(model: type[_Request], text: bytes) -> _Request:
     printed = _printed(text)
     if printed is None:
         return parse(model, text)
-    asked, known = printed["request"], model.model_fields
-    taken = {name: value for name, value in asked.items() if name in known}
+    asked, known = printed["request"], model.model_fields.keys()
+    # The controller of a tuning is the kind of its loops, that of an analysis a whole controller.
+    taken = {name: value for name, value in asked.items() if name in known - {"controller"}}
     if "loops" in known:
         taken["loops"] = printed["loops"]
     if "performance" in taken and printed.get("tau_p") is not None:

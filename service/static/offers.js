@@ -4,14 +4,23 @@ import { label } from "./format.js";
 import { analyses, faults, fitting, resolve } from "./schema.js";
 
 /**
+ * What a tuning hands on to an analysis. The controller of a tuning is the kind of its loops, that of an
+ * analysis a whole controller.
+ * @param {any} job
+ */
+export function handedOn({ request: body, result }) {
+  return { ...body, controller: null, loops: result.loops, pairing: result.pairing,
+    scan_time: body.controller.scan_time, performance: { ...body.performance, tau_p: result.tau_p } };
+}
+
+/**
  * The analyses whose forms open without faults from this tuning.
  * @param {any} job @param {boolean} found whether there are settings; else there is the plant to look at
  */
-export function furtherOf({ id, request: body, result }, found) {
-  const taken = { ...body, loops: result.loops, pairing: result.pairing,
-    scan_time: body.controller.scan_time, performance: { ...body.performance, tau_p: result.tau_p } };
+export function furtherOf(job, found) {
+  const taken = handedOn(job);
   return analyses().map(({ name, input }) => ({ name, needs: resolve(input) }))
     .filter(({ needs }) => needs.properties.plant && (found || !needs.properties.loops))
     .filter(({ needs }) => faults(needs, fitting(needs, taken)).length === 0)
-    .map(({ name }) => ({ text: label(name), href: `#/analyses/${name}?from=${id}` }));
+    .map(({ name }) => ({ text: label(name), href: `#/analyses/${name}?from=${job.id}` }));
 }

@@ -7,6 +7,7 @@ import { Form } from "./form.js";
 import { label, rememberUnit, setTimeUnit, timeUnit, unitOf } from "./format.js";
 import { intro, takeFiles } from "./intro.js";
 import { analyses, faults, fitting, initial, operation, resolve } from "./schema.js";
+import { handedOn } from "./offers.js";
 import { plantFormula } from "./symbols.js";
 
 /** What says whose the request is, and which signals: it stands first. @param {Schema} input @returns {Schema} */
@@ -19,9 +20,8 @@ function plateOf(input) {
 
 /** What a form can take over from a tuning. @param {string} id @param {boolean} again */
 async function fromTuning(id, again) {
-  const { request: asked, result } = await request("GET", `/v1/tunings/${id}`);
-  if (again || !result) return asked;
-  return { ...asked, performance: { ...asked.performance, tau_p: result.tau_p }, loops: result.loops };
+  const job = await request("GET", `/v1/tunings/${id}`);
+  return again || !job.result ? job.request : handedOn(job);
 }
 
 /** Requests to start from, by name. @param {Operation} op */

@@ -19,8 +19,9 @@ ANALYSES = [
     for path, operations in DOCUMENT["paths"].items()
     if path.count("/") == 2
     and "analyses" in operations.get("post", {}).get("tags", [])
-    # A record comes from a file; the data of equipment have names that no form knows.
-    and path not in {"/v1/identifications", "/v1/physical-models"}
+    # A record comes from a file; the data of equipment have names that no form knows; a tuning
+    # asks for its limit itself, and sliders tune beside known settings.
+    and path not in {"/v1/identifications", "/v1/physical-models", "/v1/limits", "/v1/retunings"}
 ]
 EXAMPLE = json.loads((ROOT / "examples" / "parallel_reactors.json").read_text(encoding="utf-8"))
 

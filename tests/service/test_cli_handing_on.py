@@ -43,7 +43,7 @@ def test_a_plant_alone_is_handed_on_too() -> None:
 def test_other_texts_are_read_as_requests() -> None:
     """What is no printed tuning is told as what it is."""
     with pytest.raises(RequestError) as caught:
-        requested(RobustnessRequest, b"{}")
+        requested(IntegrityRequest, b"{}")
     assert {fault.pointer for fault in caught.value.faults} >= {"/plant", "/loops"}
 
 
