@@ -19,7 +19,7 @@ from service.schemas.controllers import Loop
 from service.schemas.drawn import Drawn, DrawnCurves
 from service.schemas.encoding import encode
 from service.schemas.fields import AnalysisRequest, ResultModel
-from service.schemas.peaks import PEAK_EXAMPLE, Curves, Guarantee, Peaks
+from service.schemas.peaks import CURVES_EXAMPLE, PEAK_EXAMPLE, Curves, Guarantee, Peaks
 from service.schemas.tunings import TuningRequest
 from service.wording import number
 
@@ -83,14 +83,7 @@ class Multivariable(ResultModel):
     peaks: Peaks = Field(description="Peaks of its three mu curves.", examples=[_PEAKS])
     curves: Curves = Field(
         description="Upper bounds of mu over frequency.",
-        examples=[
-            {
-                "omega": [0.03],
-                "robust_performance": [1.0],
-                "robust_stability": [0.4],
-                "nominal_performance": [0.9],
-            }
-        ],
+        examples=[CURVES_EXAMPLE],
     )
     guarantee: Guarantee = Field(
         description="What is known of mu over all frequencies.",

@@ -26,7 +26,7 @@ from service.schemas.fields import Frequency, IdentifiedResult, ResultModel, bel
 from service.schemas.full_controllers import Built, FullController
 from service.schemas.given_loops import EXAMPLE, GivenLoops
 from service.schemas.margins import Bandwidths, LoopMargins
-from service.schemas.peaks import PEAK_EXAMPLE, Curves, Guarantee, Peak, Peaks
+from service.schemas.peaks import CURVES_EXAMPLE, PEAK_EXAMPLE, Curves, Guarantee, Peak, Peaks
 from service.schemas.worst_case import WorstCase
 from service.wording import number, units_text
 from solver.model.controllers import Controller
@@ -226,14 +226,7 @@ class RobustnessResult(IdentifiedResult, ResultModel):
     )
     curves: Curves | None = Field(
         description="Upper bounds of mu over frequency.",
-        examples=[
-            {
-                "omega": [0.03],
-                "robust_performance": [1.0],
-                "robust_stability": [0.4],
-                "nominal_performance": [0.9],
-            }
-        ],
+        examples=[CURVES_EXAMPLE],
     )
     model_tolerance: list[ModelTolerance] = Field(
         default=[],

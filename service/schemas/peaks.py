@@ -8,7 +8,7 @@ from pydantic import Field
 
 from service.schemas.fields import ResultModel
 
-__all__ = ["PEAK_EXAMPLE", "Curves", "Guarantee", "Peak", "Peaks"]
+__all__ = ["CURVES_EXAMPLE", "PEAK_EXAMPLE", "Curves", "Guarantee", "Peak", "Peaks"]
 
 
 class Peak(ResultModel):
@@ -23,6 +23,12 @@ class Peak(ResultModel):
 
 
 PEAK_EXAMPLE = {"value": 1.0, "omega": 0.0314}
+CURVES_EXAMPLE = {
+    "omega": [0.03],
+    "robust_performance": [1.0],
+    "robust_stability": [0.4],
+    "nominal_performance": [0.9],
+}
 
 
 class Peaks(ResultModel):

@@ -10,7 +10,7 @@ import solver.model.plants
 import solver.tuning.scenarios
 import solver.tuning.spread
 from service.schemas.fields import WHOLE, RequestModel, ResultModel, below
-from service.schemas.peaks import Curves, Guarantee, Peaks
+from service.schemas.peaks import CURVES_EXAMPLE, Curves, Guarantee, Peaks
 from service.schemas.plants import Plant
 from service.schemas.weights import Uncertainty
 from solver.model.plants import MAX_UNITS
@@ -143,14 +143,7 @@ class ScenarioOutcome(ResultModel):
     )
     curves: Curves = Field(
         description="Upper bounds of mu over frequency, of the worst set.",
-        examples=[
-            {
-                "omega": [0.03],
-                "robust_performance": [1.0],
-                "robust_stability": [0.4],
-                "nominal_performance": [0.9],
-            }
-        ],
+        examples=[CURVES_EXAMPLE],
     )
     guarantee: Guarantee = Field(
         description="What is proven of all its sets over all frequencies.",

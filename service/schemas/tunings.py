@@ -21,7 +21,7 @@ from service.schemas.fields import (
     below,
 )
 from service.schemas.given_loops import default_scales
-from service.schemas.peaks import Curves, Guarantee, Peaks
+from service.schemas.peaks import CURVES_EXAMPLE, Curves, Guarantee, Peaks
 from service.schemas.plants import Plant
 from service.schemas.scenarios import (
     MAX_SCENARIOS,
@@ -386,14 +386,7 @@ class TuningResult(IdentifiedResult, ResultModel):
     )
     curves: Curves | None = Field(
         description="Upper bounds of mu over frequency.",
-        examples=[
-            {
-                "omega": [0.03],
-                "robust_performance": [1.0],
-                "robust_stability": [0.4],
-                "nominal_performance": [0.9],
-            }
-        ],
+        examples=[CURVES_EXAMPLE],
     )
     guarantee: Guarantee | None = Field(
         default=None,
