@@ -50,7 +50,6 @@ def measure(name, plant, limit, arrangement, sizes=None, uncertainty=USUAL):
     search = GroupingSearch(
         specification,
         Freedom.usual(specification, groupings(specification)[0]),
-        1.0,
         lambda _: None,
     )
     for theta in search.starts(4 * search.box.low.size):

@@ -65,9 +65,7 @@ class Attained:
         return self.peaks.robust_performance.value <= 1 + MET
 
 
-def attained(
-    specification: Specification, loops: Sequence[Controller], target: float = 1.0
-) -> Attained | None:
+def attained(specification: Specification, loops: Sequence[Controller]) -> Attained | None:
     """Return what settings attain of a task.
 
     Parameters
@@ -76,8 +74,6 @@ def attained(
         The task. For the objective MU its tau_P is that of the result.
     loops : sequence of Controller
         One a unit, of any kind.
-    target : float
-        Greatest mu that is permitted, for the objective TAU_P.
 
     Returns
     -------
@@ -90,7 +86,7 @@ def attained(
     performance = specification.performance
     if specification.objective is Objective.MU:
         return _at(specification, performance, loops)
-    fixed = _Fixed(specification, tuple(loops), TauGoal(performance, target))
+    fixed = _Fixed(specification, tuple(loops), TauGoal(performance))
     s = fixed.least()
     for _ in range(RAISED):
         tau_p = math.exp(s) * (1 + ROUNDING) if s < OVERFLOW else math.inf
@@ -100,7 +96,7 @@ def attained(
         if found is None:
             return None
         top = found.peaks.robust_performance
-        if top.value <= target * (1 + ABOVE):
+        if top.value <= 1 + ABOVE:
             return found
         s = max(s, float(fixed.needed(np.array([top.omega]))[0]))
     return None

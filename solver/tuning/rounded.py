@@ -88,7 +88,7 @@ def rounded(
         if not search.accepts(theta):
             continue
         loops = search.blocks.expand(lattice.controllers(typed))
-        found = attained(specification, loops, solutions.target)
+        found = attained(specification, loops)
         if found is not None:
             now = _settled(specification, end, theta, loops, found)
             if best is None or now.candidate.value < best.candidate.value:

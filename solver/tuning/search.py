@@ -115,8 +115,6 @@ class GroupingSearch:
         The task.
     freedom : Freedom
         What may be chosen; the kind is the task's, or the one without its filter.
-    target : float
-        Greatest mu that the settings may have.
     checkpoint : callable
         Called often with the value s so far; may raise to stop.
 
@@ -126,7 +124,6 @@ class GroupingSearch:
         self,
         specification: Specification,
         freedom: Freedom,
-        target: float,
         checkpoint: Callable[[float], None],
     ) -> None:
         self.freedom = freedom
@@ -148,13 +145,13 @@ class GroupingSearch:
         performance = specification.performance
         self.goal: Goal
         if specification.objective is Objective.TAU_P:
-            self.goal = TauGoal(performance, target)
+            self.goal = TauGoal(performance)
         else:
             self.goal = MuGoal(performance)
         self.objective = Together(tuple(self._part(self.cases[index]) for index in self.active))
         self.blocks = self.objective.parts[0].blocks
         slow = Performance(performance.max_peak, performance.offset)
-        feasibility = self.objective.having(goal=MuGoal(slow, target))
+        feasibility = self.objective.having(goal=MuGoal(slow))
         self.phases = Phases(feasibility, self.box, checkpoint)
         self.exact = ExactDescent(self.objective, self.phases)
         self.optima: list[FoundOptimum] = []

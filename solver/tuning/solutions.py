@@ -58,16 +58,13 @@ class Solutions:
     ----------
     specification : Specification
         The task.
-    target : float
-        Greatest mu that the settings may have.
     clock : Clock
         Progress and time limit.
 
     """
 
-    def __init__(self, specification: Specification, target: float, clock: Clock) -> None:
+    def __init__(self, specification: Specification, clock: Clock) -> None:
         self.specification = specification
-        self.target = target
         self.clock = clock
         self.searches: list[GroupingSearch] = []
         self._known: dict[Freedom, Solution] = {}
@@ -143,7 +140,7 @@ class Solutions:
         return Solution(search, self._best(search, []))
 
     def _search(self, freedom: Freedom) -> GroupingSearch:
-        search = GroupingSearch(self.specification, freedom, self.target, self.clock.tick)
+        search = GroupingSearch(self.specification, freedom, self.clock.tick)
         self.searches.append(search)
         return search
 
@@ -196,7 +193,7 @@ class Solutions:
         for kept in itertools.combinations(names, max(len(names) - 1, 0)) if names else ():
             demands = Demands(**{name: getattr(self.specification.demands, name) for name in kept})
             task = replace(self.specification, demands=demands)
-            search = GroupingSearch(task, freedom, self.target, lambda _: self.clock.tick())
+            search = GroupingSearch(task, freedom, lambda _: self.clock.tick())
             for theta in self._less_demanding(freedom, kept):
                 search.descend(search.box.clip(theta), count=0)
             if not kept:

@@ -211,7 +211,7 @@ class _Run:
         self.specification = specification
         self.partitions = list(groupings(specification))
         self.clock = Clock(specification.time_limit, progress, self.as_objective)
-        self.solutions = Solutions(specification, 1.0, self.clock)
+        self.solutions = Solutions(specification, self.clock)
         self.status = Status.OPTIMAL
         self.found: list[Solution] = []
 

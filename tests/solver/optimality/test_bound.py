@@ -38,7 +38,6 @@ def search_of(specification):
     return GroupingSearch(
         specification,
         Freedom.usual(specification, groupings(specification)[0]),
-        1.0,
         lambda _: None,
     )
 
