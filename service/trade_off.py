@@ -95,8 +95,8 @@ def sweep(
     """
     from solver.tuning import tuner  # noqa: PLC0415 - compiled kernels, where tunings run alone
 
-    # What is drawn of a tuning needs no certificate.
-    plain = request.model_copy(update={"certificate": "none"})
+    # What is drawn of a tuning needs neither certificate nor tolerances of the model.
+    plain = request.model_copy(update={"certificate": "none", "model_tolerance": False})
     variation = Variation(field, tuple(values))
     collected = Collected([variation])
     for item in expand(canonical(plain).encode(), [variation]):

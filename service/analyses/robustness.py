@@ -5,7 +5,6 @@ Return stability, the peaks and curves of mu, and a worst case, of given setting
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
@@ -18,6 +17,7 @@ import solver.model.plants
 import solver.model.weights
 from service.analysis import Analysis, Figures
 from service.effort import different_loops
+from service.model_wording import tolerance_lines
 from service.printing import ROUNDED, Grid, Line, Part, peaks_grid, proof_lines, warning_lines
 from service.schemas.controllers import Loop
 from service.schemas.drawn import DrawnRobustness
@@ -26,6 +26,7 @@ from service.schemas.fields import Frequency, IdentifiedResult, ResultModel, bel
 from service.schemas.full_controllers import Built, FullController
 from service.schemas.given_loops import EXAMPLE, GivenLoops
 from service.schemas.margins import Bandwidths, LoopMargins
+from service.schemas.model_tolerance import ModelTolerance
 from service.schemas.peaks import CURVES_EXAMPLE, PEAK_EXAMPLE, Curves, Guarantee, Peak, Peaks
 from service.schemas.worst_case import WorstCase
 from service.wording import number, units_text
@@ -37,8 +38,6 @@ from solver.tuning.advice import NEAR_ONE, weights_factor
 __all__ = ["ANALYSIS", "RobustnessRequest", "RobustnessResult", "RobustnessTask"]
 
 MAX_FREQUENCIES = 10_000
-CLOSE = 0.05  # an error of the model that is soon made: said first
-SHOWN = 4  # parameters in the line; the result has all
 INFINITELY_MANY = 10**9  # solver.stability.closed_loop; not imported, for numba's sake
 
 
@@ -153,29 +152,6 @@ class RobustnessRequest(GivenLoops):
         with below("/controller"):
             controller = self.controller.build()
         return FullTask(plant, uncertainty, performance, controller)
-
-
-class ModelTolerance(ResultModel):
-    """Relative errors of one parameter of the model, alone, at which demand or stability is lost.
-
-    Down and up; null where none is up to five times the value, or minus three times.
-    """
-
-    parameter: Literal["gain", "time_constant", "dead_time", "interaction"] = Field(
-        description="What is wrong.", examples=["interaction"]
-    )
-    element: list[int] | None = Field(
-        description="Row and column, from 0, of a matrix plant's element; null: all together.",
-        examples=[None],
-    )
-    demand: list[float | None] | None = Field(
-        description="Where the demand on the sensitivity is lost, actuators exact; null where it "
-        "is not met at all.",
-        examples=[[-2.0, 0.011]],
-    )
-    stability: list[float | None] = Field(
-        description="Where nominal stability is lost.", examples=[[-2.04, 0.054]]
-    )
 
 
 class CrossCheck(ResultModel):
@@ -308,7 +284,7 @@ def _full(task: FullTask) -> dict[str, Any]:
 
 def table(result: RobustnessResult) -> list[Part]:
     """Return the analysis as lines and grids."""
-    tolerance = _tolerance(result.model_tolerance)
+    tolerance = tolerance_lines(result.model_tolerance)
     parts: list[Part] = [*_verdict(result), *(line for line in tolerance if line.style != "plain")]
     if result.peaks is not None:
         parts.append(peaks_grid(result.peaks))
@@ -374,38 +350,6 @@ def _unstable(result: RobustnessResult) -> str:
     if drifting:
         found.append(f"{drifting} at s = 0, where integrators drift")
     return f"Unstable: {', '.join(found)}."
-
-
-def _least(tolerances: Sequence[ModelTolerance]) -> float:
-    """Return the smallest error at which anything is lost."""
-    sides = [each.demand or () for each in tolerances] + [each.stability for each in tolerances]
-    return min((abs(side) for pair in sides for side in pair if side is not None), default=math.inf)
-
-
-def _tolerance(tolerances: Sequence[ModelTolerance]) -> list[Line]:
-    """Say in one line how wrong the model may be, loudly where it may hardly be; or nothing."""
-    shown = sorted(tolerances, key=lambda each: _least([each]))[:SHOWN]
-    found = []
-    for each in shown:
-        name = each.parameter.replace("_", " ")
-        if each.element is not None:
-            name += f" of element {each.element[0] + 1},{each.element[1] + 1}"
-        stability = f"stability {_range(each.stability)}"
-        if each.demand is None:
-            found.append(f"{name}: {stability}")
-        else:
-            found.append(f"{name}: demand {_range(each.demand)}, {stability}")
-    if not found:
-        return []
-    text = f"The model may be wrong, one parameter alone, by: {'; '.join(found)}."
-    return [Line(text, "warning") if _least(tolerances) < CLOSE else Line(text)]
-
-
-def _range(sides: Sequence[float | None]) -> str:
-    low, high = (None if side is None else 100 * side for side in sides)
-    below = "any less" if low is None else f"{low:.3g} %"
-    above = "any more" if high is None else f"+{high:.3g} %"
-    return f"{below} to {above}"
 
 
 def _margins(margins: Sequence[LoopMargins]) -> Grid:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Literal
 
+from service.model_wording import tolerance_lines
 from service.printing import (
     CURVES,
     Grid,
@@ -36,6 +37,8 @@ def tuning_table(result: TuningResult, *, interrupted: bool = False) -> list[Par
     good = result.status in {"optimal", "local"} and result.demand_met is not False
     style: Literal["strong", "alarm"] = "strong" if good else "alarm"
     parts: list[Part] = [Line(_headline(result, interrupted=interrupted), style)]
+    tolerance = tolerance_lines(result.model_tolerance)
+    parts += [line for line in tolerance if line.style != "plain"]
     if result.loops:
         parts.append(Line())
         parts += form_parts(
@@ -65,6 +68,7 @@ def tuning_table(result: TuningResult, *, interrupted: bool = False) -> list[Par
     parts += [Line(text) for text in _sentences(result)]
     parts += [Line(sentence) for sentence in result.advice]
     parts += proof_lines(result.certificate, result.guarantee)
+    parts += [line for line in tolerance if line.style == "plain"]
     parts.append(Line(_search(result.search)))
     return [*parts, *warning_lines(result.warnings)]
 

@@ -20,6 +20,7 @@ from markupsafe import Markup
 from service.figures.document import plain
 from service.figures.style import Theme, template
 from service.figures.tuning import tuning_figures
+from service.model_wording import tolerance_lines
 from service.report import mathml
 from service.report.rendering import render, source
 from service.schemas import canonical
@@ -95,6 +96,7 @@ def report_html(tuned: RequestedTuning, made_at: datetime, job: str | None = Non
         certificate=result.certificate,
         proven=guarantee_text(result.guarantee),
         optimality=optimality_text(result.optimality),
+        model_tolerance=[line.text for line in tolerance_lines(result.model_tolerance)],
         certificate_link=_data_url(json.dumps(result.certificate)),
         scenarios=_scenarios(tuned),
         margins=_margins(tuned.plant, tuned.loops, tuned.settings),

@@ -21,6 +21,7 @@ from service.schemas.fields import (
     below,
 )
 from service.schemas.given_loops import default_scales
+from service.schemas.model_tolerance import ModelTolerance
 from service.schemas.peaks import CURVES_EXAMPLE, Curves, Guarantee, Peaks
 from service.schemas.plants import Plant
 from service.schemas.scenarios import (
@@ -181,6 +182,12 @@ class TuningRequest(RecordedRequest):
         "its peak; none: the result is smaller, and its guarantee stands all the same.",
         examples=["full"],
     )
+    model_tolerance: bool = Field(
+        default=True,
+        description="Whether the result tells how wrong each parameter of the plant may be, which "
+        "takes a tenth of a second or so.",
+        examples=[True],
+    )
 
     model_config = ConfigDict(json_schema_extra={"examples": [EXAMPLE]})
 
@@ -246,6 +253,7 @@ class TuningRequest(RecordedRequest):
             seed=self.search.seed,
             time_limit=self.search.time_limit,
             certificate=self.certificate == "full",
+            model_tolerance=self.model_tolerance,
             optimality_gap=self.search.optimality_gap,
         )
 
@@ -258,6 +266,12 @@ class BatchTuningRequest(TuningRequest):
         description="full: the result carries a proof, for all frequencies, of a level just above "
         "its peak.",
         examples=["none"],
+    )
+    model_tolerance: bool = Field(
+        default=False,
+        description="Whether the result tells how wrong each parameter of the plant may be, which "
+        "takes a tenth of a second or so.",
+        examples=[False],
     )
 
     model_config = ConfigDict(json_schema_extra={"examples": [{**EXAMPLE, "certificate": "none"}]})
@@ -445,6 +459,12 @@ class TuningResult(IdentifiedResult, ResultModel):
     )
     settings_tolerance: SettingsTolerance | None = Field(
         default=None, description="How far the settings may be moved.", examples=[None]
+    )
+    model_tolerance: list[ModelTolerance] = Field(
+        default=[],
+        description="How wrong each parameter of the plant may be, alone, which the guarantee does "
+        "not cover; empty where it was not asked for.",
+        examples=[[]],
     )
     as_found: AsFound | None = Field(
         default=None, description="What today's settings do, where given.", examples=[None]

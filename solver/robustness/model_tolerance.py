@@ -47,7 +47,7 @@ LOWER = 1e-4  # of the grid's low end: a direction near singular is slower than 
 PER_DECADE = 8
 # Loops of a matrix plant whose elements are looked at one by one, in all or by their gains alone;
 # what is left changes in all elements together.
-MAX_FULLY, MAX_BY_GAIN = 2, 3
+MAX_FULLY, MAX_BY_GAIN = 3, 5
 
 _Limits = tuple[float | None, float | None]
 _Change: TypeAlias = "Callable[[TransferFunction, float], TransferFunction]"

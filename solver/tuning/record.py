@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from solver.certificate.record import Certificate
     from solver.model.controllers import Controller
     from solver.optimality.record import Optimality
+    from solver.robustness.model_tolerance import ModelTolerance
     from solver.robustness.record import Curves, Guarantee, Peaks
     from solver.tuning.beside import AsFound, PriceOfResolution, SettingsTolerance
     from solver.tuning.demands import DemandOutcome
@@ -146,6 +147,7 @@ class Tuning:
     each further demand; `guarantee` tells what is proven of the peak for all frequencies, and in
     all `scenarios`, of which `active` names the one that decides; `spread` how densely a spread
     was searched;
+    `model_tolerance` how wrong each parameter of the plant may be, alone, where that was asked for;
     `integrity` says in one line what happens with loops in manual; `optimality` how far tau_p is
     from the least possible one; `resolution` what it costs that the settings are numbers which the
     controllers accept, `settings_tolerance` how far they may be moved, `as_found` what today's
@@ -176,6 +178,7 @@ class Tuning:
     pairing: tuple[int, ...] | None = None
     resolution: PriceOfResolution | None = None
     settings_tolerance: SettingsTolerance | None = None
+    model_tolerance: tuple[ModelTolerance, ...] = ()
     as_found: AsFound | None = None
     reason: str | None = None
     omega: float | None = None

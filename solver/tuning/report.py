@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from solver.certificate.search import PROVEN_ABOVE, prove
 from solver.model.remarks import plant_remarks
 from solver.robustness.integrity import in_one_line
+from solver.robustness.model_tolerance import model_tolerances
 from solver.tuning.advice import advice
 from solver.tuning.as_found import as_found
 from solver.tuning.bounds import gain_signs
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
     from solver.certificate.record import Certificate
     from solver.model.controllers import Controller
     from solver.optimality.record import Optimality
+    from solver.robustness.model_tolerance import ModelTolerance
     from solver.tuning.clock import Clock
     from solver.tuning.groupings import Groups
     from solver.tuning.search import GroupingSearch
@@ -143,6 +145,7 @@ def report(
         ),
         resolution=price,
         settings_tolerance=tolerance(specification, search, end) if len(end.axes) == 1 else None,
+        model_tolerance=_model_tolerance(specification, end),
         as_found=as_found(specification, end.performance),
         advice=advice(
             specification, end.performance, end.loops, end.peaks.robust_performance.value
@@ -186,6 +189,13 @@ def _prove(
         specification.plant, specification.uncertainty, end.performance, end.loops, level,
         interrupt=clock.tick,
     )  # fmt: skip
+
+
+def _model_tolerance(specification: Specification, end: Settled) -> tuple[ModelTolerance, ...]:
+    if not specification.model_tolerance:
+        return ()
+    omega = end.axes[0].curves.omega
+    return model_tolerances(specification.plant, end.performance, end.loops, omega)
 
 
 def _sign_warnings(specification: Specification, search: GroupingSearch) -> list[str]:

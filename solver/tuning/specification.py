@@ -175,6 +175,8 @@ class Specification:
         Seconds, > 0.
     certificate : bool
         Whether the result carries a proof, for all frequencies, of a level just above its peak.
+    model_tolerance : bool
+        Whether the result tells how wrong each parameter of the plant may be.
     start : tuple of Controller or None
         One loop a unit: only the best settings beside these are sought.
     resolution : Resolution or None
@@ -205,6 +207,7 @@ class Specification:
     seed: int = 0
     time_limit: float | None = None
     certificate: bool = False
+    model_tolerance: bool = False
     optimality_gap: bool = False
     start: tuple[Controller, ...] | None = None
     groups: tuple[tuple[int, ...], ...] | None = None
@@ -334,6 +337,7 @@ class Specification:
             signs=choice(Signs, self.signs, "/controller/signs"),
             seed=integer(self.seed, "/search/seed"),
             certificate=flag(self.certificate, "/certificate"),
+            model_tolerance=flag(self.model_tolerance, "/model_tolerance"),
             optimality_gap=flag(self.optimality_gap, "/search/optimality_gap"),
         )
         if self.group_sizes is not None:

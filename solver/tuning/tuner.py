@@ -150,8 +150,9 @@ def _with_the_demand_named(specification: Specification, found: Tuning) -> Tunin
     if left is not None:
         left = max(left - found.search.elapsed_seconds, LEAST_TIME)
     without = replace(
-        specification, demands=NO_DEMANDS, time_limit=left, certificate=False, optimality_gap=False
-    )
+        specification, demands=NO_DEMANDS, time_limit=left, certificate=False,
+        model_tolerance=False, optimality_gap=False,
+    )  # fmt: skip
     free = _Run(without, None).result()
     if not free.loops:
         return found

@@ -29,6 +29,7 @@ _MODULES = {
     "solver.model.weights": ("Performance", "Structure", "Uncertainty"),
     "solver.optimality.record": ("Optimality", "Proof"),
     "solver.robustness.record": ("Curves", "Guarantee", "GuaranteeStatus", "Peaks"),
+    "solver.robustness.model_tolerance": ("ModelTolerance",),
     "solver.robustness.margins": ("LoopMargins", "Margins"),
     "solver.tuning.beside": (
         "AsFound", "PriceOfResolution", "SettingMove", "SettingRange", "SettingsTolerance",

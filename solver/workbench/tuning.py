@@ -61,6 +61,7 @@ def tune(
     seed: int = 0,
     time_limit: float | None = None,
     certificate: bool = False,
+    model_tolerance: bool = False,
     optimality_gap: bool = False,
     progress: Callable[[Progress], None] | None = None,
 ) -> Tuned: ...
@@ -94,7 +95,7 @@ def tune(
         'tau_p', the fastest settings, or 'mu', the smallest peak of mu at `tau_p`.
     bounds, signs, demands, scenarios, spread, start, resolution, as_found
         See `Specification`.
-    starts, seed, time_limit, certificate, optimality_gap
+    starts, seed, time_limit, certificate, model_tolerance, optimality_gap
         See `Specification`.
     progress : callable or None
         Called about ten times a second with a `Progress`; what it raises passes through.

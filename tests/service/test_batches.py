@@ -75,6 +75,15 @@ def test_tunings_of_a_batch_carry_a_certificate_where_they_ask_only() -> None:
     assert json.loads(item.request)["certificate"] == "none"
 
 
+def test_tunings_of_a_batch_tell_tolerances_of_the_model_where_they_ask_only() -> None:
+    """Single requests tell them; they take longer than many a search."""
+    text = json.dumps(tuning(9))
+    assert parse_tuning_request(text).build().model_tolerance is True
+    assert parse_batch_tuning(text).build().model_tolerance is False
+    asked = json.dumps({**tuning(9), "model_tolerance": True})
+    assert parse_batch_tuning(asked).build().model_tolerance is True
+
+
 def test_failure_is_reported_for_its_item_alone(client: httpx.Client) -> None:
     """An item that fails leaves the others alone."""
     lines = results(client, start(client, tuning(11), tuning(UNSUPPORTED), tuning(12)))

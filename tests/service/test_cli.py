@@ -68,6 +68,18 @@ def test_tune_prints_the_json_result_alone() -> None:
     assert len(result.stdout.splitlines()) == 1
 
 
+def test_tune_says_right_after_the_outcome_how_wrong_the_model_may_be() -> None:
+    """Published plant: 1.1 % more interaction than thought costs the demand."""
+    request = altered(TUNING, "/search/starts", 1)
+    result = mutune("tune", "-", "--json", request=request)
+    found = {each["parameter"]: each for each in json.loads(result.stdout)["model_tolerance"]}
+    assert set(found) == {"gain", "time_constant", "interaction"}
+    assert found["interaction"]["demand"][1] == pytest.approx(0.011, rel=0.1)
+    headline, second = mutune("tune", "-", request=request).stdout.splitlines()[:2]
+    assert headline.startswith("Optimal")
+    assert second.startswith("The model may be wrong, one parameter alone, by: interaction: demand")
+
+
 def test_tune_prints_the_settings_in_three_forms(monkeypatch: pytest.MonkeyPatch) -> None:
     """The tables show cascade, ideal and parallel settings of each group, loops counted from 1."""
     loops = (Controller(2.0, 5.0, 1.0), Controller(2.0, 5.0, 1.0), Controller(3.0, 4.0, 1.0))

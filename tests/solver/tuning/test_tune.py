@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from solver.model.errors import Cancelled, InvalidInputError, UnsupportedPlantEr
 from solver.model.plants import ParallelPlant, first_order
 from solver.model.transfer_function import TransferFunction
 from solver.model.weights import Performance, Uncertainty
+from solver.robustness.analysis import analyse
 from solver.robustness.curves import LoopAnalysis
 from solver.stability.closed_loop import is_stable
 from solver.tuning.record import Status
@@ -43,6 +45,15 @@ def assert_proven(result, plant, uncertainty=USUAL, **demand):
 @pytest.fixture(scope="module")
 def independent():
     return run(SLH, Arrangement.INDEPENDENT)
+
+
+def test_model_tolerances_are_those_of_the_settings_and_come_where_asked(independent):
+    """A tuning tells of its settings what an analysis of them tells."""
+    found = run(SLH, Arrangement.INDEPENDENT, model_tolerance=True)
+    assert independent.model_tolerance == ()
+    analysed = analyse(SLH, USUAL, Performance(tau_p=found.tau_p), found.loops)
+    assert found.model_tolerance == analysed.model_tolerance
+    assert replace(found, model_tolerance=()).loops == independent.loops
 
 
 def test_published_case_identical():
