@@ -29,6 +29,7 @@ COMMANDS = {
     "decoupling": "decouple",
     "integrity": "integrity",
     "interaction": "interaction",
+    "loop_responses": "loop-responses",
     "parallel_drives": "parallel-drives",
     "physical": "physical",
     "relay": "relay",

@@ -42,6 +42,7 @@ __all__ = [
     "LoopEffectQuery",
     "StaticEffect",
     "loop_effect",
+    "rational_controller",
     "static_effects",
 ]
 
@@ -217,7 +218,7 @@ def loop_effect(query: LoopEffectQuery) -> LoopEffect:
     p = {key: Rational.from_transfer_function(element) for key, element in elements.items()}
     own, far = p[loop, loop], p[other, other]
     determinant = own * far + (p[loop, other] * p[other, loop]).scaled(-1)
-    c = _rational(query.controller)
+    c = rational_controller(query.controller)
     one = Rational(fmpq_poly([1]), fmpq_poly([1]))
     # (1 + k p_jj)(1 + c g_cl) = 1 + c p_ii + k (p_jj + c (p_ii p_jj - p_ij p_ji)), times the
     # pole polynomials of plant and controller so that no hidden mode is lost.
@@ -237,7 +238,7 @@ def loop_effect(query: LoopEffectQuery) -> LoopEffect:
     )
 
 
-def _rational(controller: Controller | None) -> Rational:
+def rational_controller(controller: Controller | None) -> Rational:
     """Return the controller as a rational function, zero where there is none."""
     if controller is None:
         return Rational(fmpq_poly(), fmpq_poly([1]))

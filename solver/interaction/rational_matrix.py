@@ -23,6 +23,7 @@ __all__ = [
     "Root",
     "common_degree",
     "decimal",
+    "determinant_of",
     "least_common_multiple",
     "roots_of",
     "to_float",
@@ -119,6 +120,19 @@ def transmission_zeros_of(matrix: Sequence[Sequence[Rational]]) -> tuple[Root, .
 def common_degree(matrix: Sequence[Sequence[Rational]]) -> int:
     """Return the number of roots of the rows' common denominators: the work grows with it."""
     return sum(int(den.degree()) for den in _row_denominators(matrix))
+
+
+def determinant_of(matrix: Sequence[Sequence[Rational]]) -> Rational:
+    """Return the determinant of a square matrix, without common factors."""
+    denominators = _row_denominators(matrix)
+    rows = [
+        [element.num * (den // element.den) for element in row]
+        for row, den in zip(matrix, denominators, strict=True)
+    ]
+    common = _ONE
+    for den in denominators:
+        common = common * den
+    return Rational.reduced(_determinant(rows), common)
 
 
 def _row_denominators(matrix: Sequence[Sequence[Rational]]) -> list[fmpq_poly]:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from solver.model.controllers import Controller
     from solver.model.plants import Plant
 
-__all__ = ["HALF_POWER", "Bandwidths", "bandwidths"]
+__all__ = ["HALF_POWER", "Bandwidths", "bandwidths", "singular_sensitivities"]
 
 HALF_POWER = 1 / math.sqrt(2)
 
@@ -50,6 +50,22 @@ class Bandwidths:
     best_direction: float
 
 
+def singular_sensitivities(
+    plant: Plant, loops: Sequence[Controller], omega: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the singular values of (I + G C)^-1 at `omega` (k,), each different one, descending.
+
+    Those of units that are alike stand in one column.
+    """
+    blocks, controllers = group_loops(plant, loops)
+    c = np.stack([controller.response(omega) for controller in controllers], axis=1)
+    values = [
+        1 / np.linalg.svd(np.eye(block.size) + G * c[:, None, block.channels], compute_uv=False)
+        for block, G in zip(blocks.blocks, blocks.response(omega), strict=True)
+    ]
+    return np.sort(np.concatenate(values, axis=1), axis=1)[:, ::-1]
+
+
 def bandwidths(
     plant: Plant,
     loops: Sequence[Controller],
@@ -70,16 +86,9 @@ def bandwidths(
         Ascending frequencies that resolve the loop, from far below to far above its dynamics.
 
     """
-    blocks, controllers = group_loops(plant, loops)
 
     def sensitivities(at: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Singular values of S over all blocks, (k, n), descending."""
-        c = np.stack([controller.response(at) for controller in controllers], axis=1)
-        values = [
-            1 / np.linalg.svd(np.eye(block.size) + G * c[:, None, block.channels], compute_uv=False)
-            for block, G in zip(blocks.blocks, blocks.response(at), strict=True)
-        ]
-        return np.sort(np.concatenate(values, axis=1), axis=1)[:, ::-1]
+        return singular_sensitivities(plant, loops, at)
 
     on_grid = sensitivities(omega)
     known = [each for each in alone if each is not None]
