@@ -156,6 +156,11 @@ class Client:
         """Ask a job to stop; one that has ended stays as it is."""
         return Job.model_validate_json(self._send("DELETE", f"/v1/tunings/{job_id}").content)
 
+    def forget(self, job_id: str) -> Job:
+        """Delete a job that has ended, for ever; return it as it was."""
+        path = f"/v1/tunings/{job_id}?forget=true"
+        return Job.model_validate_json(self._send("DELETE", path).content)
+
     def wait(self, job_id: str, on_progress: OnProgress | None = None) -> Job:
         """Return the job once it has ended, however it ended.
 

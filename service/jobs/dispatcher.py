@@ -8,11 +8,11 @@ import json
 import logging
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from service.jobs.engine import Engine, EngineLostError, WorkerLostError
 from service.jobs.queue import Queue
-from service.jobs.records import Dispatch, Ended, JobStatus, Outcome, TakenJob
+from service.jobs.records import Dispatch, Ended, JobStatus, Outcome, Priority, TakenJob
 from service.jobs.transactions import StoreUnavailableError
 from service.jobs.watch import Watcher
 from service.problems import WorkerDiedError, describe
@@ -33,11 +33,21 @@ class _RunningJob:
 
     claim: TakenJob
     task: asyncio.Task[None] | None = None
+    enough: asyncio.Event = field(default_factory=asyncio.Event)
 
     @property
     def stopping(self) -> bool:
         """Whether it has been told to stop."""
+        if self.enough.is_set():
+            return True
         return self.task is not None and bool(self.task.cancelling())
+
+    def end(self) -> None:
+        """Stop because the caller wants no more; one of its own keeps the best so far."""
+        if self.claim.priority is Priority.INTERACTIVE:
+            self.enough.set()
+        else:
+            self.stop()
 
     def stop(self) -> None:
         """Cancel once: a second time would interrupt the stopping itself."""
@@ -111,7 +121,7 @@ class Dispatcher:
         for claim in dispatch.claims:
             self._begin(claim)
         for job_id in dispatch.cancelled:
-            runs[job_id].stop()
+            runs[job_id].end()
         for claim in dispatch.displaced:  # back into the queue: others have waited
             runs[claim.id].stop()
         if progress:
@@ -153,7 +163,8 @@ class Dispatcher:
             self._progress[claim.id] = (fraction, best)
 
         try:
-            self._end(claim, await self._engine.run(claim.request, claim.time_limit, note))
+            running = self._engine.run(claim.request, claim.time_limit, note, run.enough)
+            self._end(claim, await running)
         except WorkerLostError:
             await self._after_loss(claim)
         except (EngineLostError, asyncio.CancelledError):
@@ -182,7 +193,8 @@ class Dispatcher:
 
     def _end(self, claim: TakenJob, outcome: Outcome) -> None:
         """Leave the end of a job to the next round, which writes it."""
-        if outcome.status is JobStatus.CANCELLED:  # it was stopped, but not by us: run it again
+        # Stopped, and without a result: the queue knows whether we wanted that, or runs it again.
+        if outcome.status is JobStatus.CANCELLED and outcome.result is None:
             raise EngineLostError
         self._progress.pop(claim.id, None)
         self._ended.append(Ended(claim, outcome, time.time()))

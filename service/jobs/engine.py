@@ -33,6 +33,7 @@ VERSION = __version__
 _NICE = 10  # priority of workers: below that of whoever waits for an answer
 _POLL = 0.5  # seconds between looks at the cluster: how soon a new worker gets work
 _GRACE = 2.0  # seconds that a stopped task gets to answer; its callback runs every 0.2 s
+_ENDING = 10.0  # seconds to make the best so far exact, at most 2 of search, and report it
 _PLACING = 10.0  # seconds for a worker to take its actor
 _OVERTIME = 5.0  # seconds beyond its time limit after which a task counts as stuck
 
@@ -61,9 +62,10 @@ class _Placed:
 
 @dataclass
 class _Call:
-    """A call on its way: its name, who hears of its progress, and the call itself."""
+    """A call on its way: its name, who hears of its progress, what ends it, the call itself."""
 
     on_progress: Callable[[float, float | None], None]
+    enough: asyncio.Event
     name: str = field(default_factory=lambda: uuid.uuid4().hex)
     solving: asyncio.Future[Outcome] | None = None
 
@@ -142,8 +144,12 @@ class Engine:
         request: str,
         time_limit: float,
         on_progress: Callable[[float, float | None], None],
+        enough: asyncio.Event | None = None,
     ) -> Outcome:
         """Run one tuning to its end on an idle worker.
+
+        Once `enough` is set it ends with the best so far; as CANCELLED, without a result where
+        nothing was found or where that takes too long.
 
         Cancelling this coroutine stops the tuning: it returns from that within `_GRACE` seconds,
         and a worker that does not answer by then is restarted.
@@ -158,7 +164,7 @@ class Engine:
         if self._client is None or not idle:
             raise EngineLostError
         worker = min(idle)
-        call = self._busy[worker] = _Call(on_progress)
+        call = self._busy[worker] = _Call(on_progress, enough or asyncio.Event())
         try:
             return await self._run_on(self._client, worker, call, request, time_limit)
         finally:
@@ -166,16 +172,27 @@ class Engine:
             self._on_idle()
 
     async def _run_on(
-        self, client: Client, worker: str, call: _Call, request: str, time_limit: float
+        self,
+        client: Client,
+        worker: str,
+        call: _Call,
+        request: str,
+        time_limit: float,
     ) -> Outcome:
         actor = self._solvers[worker].actor
         call.solving = asyncio.ensure_future(_solve(actor, call.name, request))
+        enough = asyncio.ensure_future(call.enough.wait())
         try:
             limit = time_limit + _OVERTIME
-            done, _ = await asyncio.wait({call.solving}, timeout=limit)
-            if not done:
+            first = asyncio.FIRST_COMPLETED
+            await asyncio.wait({call.solving, enough}, timeout=limit, return_when=first)
+            if enough.done() and not call.solving.done():
+                await actor.finish(call.name)
+                await asyncio.wait({call.solving}, timeout=_ENDING)
+            if not call.solving.done():
                 await self._stop(client, worker, call)
-                return Outcome(JobStatus.TIMED_OUT, error=_OVERDUE)
+                cancelled = Outcome(JobStatus.CANCELLED)
+                return cancelled if enough.done() else Outcome(JobStatus.TIMED_OUT, error=_OVERDUE)
             return call.solving.result()
         except asyncio.CancelledError:
             if call.solving.cancelled():  # by us, when the worker was gone
@@ -190,6 +207,8 @@ class Engine:
         except RuntimeError as error:  # the actor was gone before it could be called
             self._solvers.pop(worker, None)
             raise EngineLostError(str(error)) from error
+        finally:
+            enough.cancel()
 
     async def _stop(self, client: Client, worker: str, call: _Call) -> None:
         """Tell the actor, whose callback obeys; restart a worker that does not."""

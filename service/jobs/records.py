@@ -28,7 +28,8 @@ __all__ = [
 class JobStatus(StrEnum):
     """State of a job.
 
-    TIMED_OUT jobs carry the best result up to their time limit, where there was one.
+    TIMED_OUT jobs carry the best result up to their time limit, CANCELLED ones that up to their
+    end, where there was one.
     """
 
     QUEUED = "queued"

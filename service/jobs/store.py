@@ -19,6 +19,7 @@ from sqlalchemy import (
     Row,
     Select,
     bindparam,
+    delete,
     func,
     insert,
     null,
@@ -30,6 +31,7 @@ from sqlalchemy.exc import IntegrityError
 
 from service.jobs.models import BatchItemRow, BatchRow, CallbackRow, JobRow
 from service.jobs.records import (
+    FINAL,
     UNFINISHED,
     Batch,
     BatchItem,
@@ -42,7 +44,7 @@ from service.jobs.records import (
 )
 from service.jobs.transactions import Transactions
 
-__all__ = ["IdempotencyConflictError", "QueueFullError", "Store"]
+__all__ = ["IdempotencyConflictError", "QueueFullError", "Store", "UnfinishedError"]
 
 
 class IdempotencyConflictError(Exception):
@@ -51,6 +53,10 @@ class IdempotencyConflictError(Exception):
 
 class QueueFullError(Exception):
     """The owner has too many jobs in the queue."""
+
+
+class UnfinishedError(Exception):
+    """The job has not ended, or is part of a batch."""
 
 
 class Store:
@@ -288,6 +294,28 @@ class Store:
         """
         self._cancel(JobRow.id == job_id, JobRow.owner == owner)
         return self.get(owner, job_id)
+
+    def forget(self, owner: str, job_id: str) -> Job:
+        """Delete a finished job for ever, and return it as it was; others stay as they are.
+
+        Raises
+        ------
+        KeyError
+            There is none, or it is another owner's.
+        UnfinishedError
+            It has not ended, or belongs to a batch, which goes as a whole when it expires.
+
+        """
+        job = self.get(owner, job_id)
+        with self._transactions.writing() as connection:
+            gone = connection.execute(
+                delete(JobRow)
+                .where(JobRow.id == job_id, JobRow.owner == owner)
+                .where(JobRow.status.in_(FINAL), JobRow.batch_id.is_(None))
+            )
+        if not gone.rowcount:
+            raise UnfinishedError
+        return job
 
     def _cancel(self, *which: ColumnElement[bool]) -> None:
         with self._transactions.writing() as connection:

@@ -44,6 +44,7 @@ class TuningActor:
         self._key = key
         self._worker: Worker = get_worker()
         self._unwanted: set[str] = set()
+        self._enough: set[str] = set()
 
     def solve(self, call: str, request: str) -> Outcome:
         """Tune; tell the progress under `TOPIC`; stop when the call is not wanted any more.
@@ -57,13 +58,20 @@ class TuningActor:
 
         """
         try:
-            return _outcome(request, _Reporter(call, self._worker, self._wants))
+            return _outcome(
+                request, _Reporter(call, self._worker, self._wants, self._enough.__contains__)
+            )
         finally:
             self._unwanted.discard(call)
+            self._enough.discard(call)
 
     async def stop(self, call: str) -> None:
         """Make a call of `solve` end soon; a coroutine runs beside it, in the event loop."""
         self._unwanted.add(call)
+
+    async def finish(self, call: str) -> None:
+        """Make a call of `solve` end soon with the best so far."""
+        self._enough.add(call)
 
     def _wants(self, call: str) -> bool:
         """Whether anybody waits for the result of a call."""
@@ -79,19 +87,27 @@ class TuningActor:
 class _Reporter:
     """Progress callback of the solver."""
 
-    def __init__(self, call: str, worker: Worker, wants: Callable[[str], bool]) -> None:
+    def __init__(
+        self,
+        call: str,
+        worker: Worker,
+        wants: Callable[[str], bool],
+        has_enough: Callable[[str], bool],
+    ) -> None:
         self._call = call
         self._worker = worker
         self._wants = wants
+        self._has_enough = has_enough
         self._next = time.monotonic() + _REPORT_EVERY
 
-    def check(self) -> None:
-        """Raise `Cancelled` where nobody waits for the result any more."""
+    def check(self) -> bool:
+        """Return whether the best so far will do; raise `Cancelled` where nobody waits for it."""
         if not self._wants(self._call):
             raise Cancelled
+        return self._has_enough(self._call)
 
-    def __call__(self, progress: Progress) -> None:
-        self.check()
+    def __call__(self, progress: Progress) -> bool:
+        enough = self.check()
         now = time.monotonic()
         if now >= self._next:
             self._next = now + _REPORT_EVERY
@@ -99,6 +115,7 @@ class _Reporter:
                 TOPIC,
                 {"call": self._call, "fraction": progress.fraction, "best": progress.best},
             )
+        return enough
 
 
 def _outcome(request: str, report: _Reporter) -> Outcome:
@@ -108,6 +125,7 @@ def _outcome(request: str, report: _Reporter) -> Outcome:
         asked = service.schemas.parse_tuning_request(request)
         tuning = tuner.tune(asked.build(), report)
         document = with_limit(asked, service.schemas.tuning_to_json(tuning), report.check)
+        enough = report.check()
     except Cancelled:
         return Outcome(JobStatus.CANCELLED)
     except InvalidInputError as error:
@@ -120,8 +138,11 @@ def _outcome(request: str, report: _Reporter) -> Outcome:
         return Outcome(JobStatus.FAILED, error=json.dumps(describe(error)))
     # Pydantic's writer takes a tenth of the time of the standard library's.
     result = to_json(document | asked.identity()).decode()
-    timed_out = tuning.status is Status.TIME_LIMIT
-    status = JobStatus.TIMED_OUT if timed_out else JobStatus.SUCCEEDED
+    status = JobStatus.SUCCEEDED
+    if tuning.status is Status.TIME_LIMIT:
+        status = JobStatus.CANCELLED if enough else JobStatus.TIMED_OUT
+    if status is JobStatus.CANCELLED and not tuning.loops:
+        return Outcome(status)
     return Outcome(status, result, best=_reached(tuning))
 
 

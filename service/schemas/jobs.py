@@ -54,7 +54,7 @@ class JobSummary(BaseModel):
 
     id: str = Field(description="Identifier.", examples=[_ID])
     status: Literal["queued", "running", "succeeded", "failed", "cancelled", "timed_out"] = Field(
-        description="State; a timed-out job may carry the best result up to its time limit.",
+        description="State; a timed-out or cancelled job may carry the best result up to then.",
         examples=["succeeded"],
     )
     progress: JobProgress = Field(
@@ -82,7 +82,7 @@ class Job(JobSummary):
     """A tuning job."""
 
     result: TuningResult | None = Field(
-        description="The settings found, once the job has succeeded.", examples=[None]
+        description="The settings found, once the job has ended with some.", examples=[None]
     )
 
 

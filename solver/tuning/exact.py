@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from solver.tuning.objective import LoopObjective
     from solver.tuning.together import Together
 
-__all__ = ["WEAKEST", "Candidate", "ExactDescent"]
+__all__ = ["TRIFLE", "WEAKEST", "Candidate", "ExactDescent"]
 
 POINTS_PER_DECADE = 22
 SETTLED = 1e-8  # excess of the demand anywhere on the axis at which the last descent may end

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -17,7 +18,9 @@ import numpy as np
 from solver.model.controllers import DERIVATIVE_FILTER
 from solver.model.frequencies import corners
 from solver.tuning.bounds import gain_signs
+from solver.tuning.clock import OutOfTimeError
 from solver.tuning.demands import Demands
+from solver.tuning.exact import TRIFLE
 from solver.tuning.groupings import by_errors, coarser, merged
 from solver.tuning.search import Freedom, GroupingSearch
 
@@ -122,13 +125,29 @@ class Solutions:
 
     def kept(self, search: GroupingSearch) -> Solution:
         """Return the best stable settings of a search that was cut short."""
-        for optimum in search.optima[:1]:
-            candidate = search.exact.measure(optimum.theta, optimum.value)
-            if not math.isfinite(candidate.value):  # above 1 between the frequencies of the grid
-                candidate = search.exact.descend(optimum.theta, math.inf) or candidate
-            if math.isfinite(candidate.value) and search.accepts(candidate.theta):
-                return Solution(search, candidate)
-        return Solution(search, None)
+        best: Candidate | None = None
+        with suppress(OutOfTimeError):
+            for optimum in search.optima[:1]:
+                found = search.exact.measure(optimum.theta, optimum.value)
+                if math.isfinite(found.value) and search.accepts(found.theta):
+                    best = found
+                # Between the frequencies of the grid the demand may cost much more.
+                if found.value > optimum.value + TRIFLE:
+                    exact = search.exact.descend(optimum.theta)
+                    if exact is not None and self._is_better(search, exact, best):
+                        best = exact
+        return Solution(search, best)
+
+    def kept_with_filter(self, plain: GroupingSearch) -> Solution:
+        """Return what was kept of a search with tied filters as settings of the task's kind."""
+        solution = self.kept(plain)
+        search = self._search(replace(plain.freedom, kind=self.specification.kind))
+        if solution.candidate is None:
+            return Solution(search, None)
+        theta = search.box.clip(self._with_filters(solution)[0])
+        candidate = search.exact.measure(theta, solution.candidate.value)
+        kept = math.isfinite(candidate.value) and search.accepts(candidate.theta)
+        return Solution(search, candidate if kept else None)
 
     def from_settings(self, freedom: Freedom, loops: Sequence[Controller]) -> Solution:
         """Return the local optimum beside given settings, one a group."""

@@ -317,6 +317,13 @@ class _Run:
                     kept = self.solutions.kept(search)
                     if kept.candidate is not None:
                         self.found.append(kept)
+        plain = self.specification.kind.without_filter
+        if self.found or plain is self.specification.kind:
+            return
+        for search in [each for each in self.solutions.searches if each.freedom.kind is plain]:
+            kept = self.solutions.kept_with_filter(search)
+            if kept.candidate is not None:
+                self.found.append(kept)
 
     def _chosen(self) -> Solution | None:
         """Return the best solution; of nearly equal ones that with the fewest groups."""

@@ -16,11 +16,14 @@ SLOW, STUCK, DEADLY, UNSUPPORTED, BROKEN = 1, 2, 3, 4, 5
 
 def tune(specification, progress=None):
     """Stand in for `solver.tuning.tuner.tune`; SLOW runs for `starts` hundredths of a second."""
+    stopped = False
     match specification.seed:
         case s if s == SLOW:
             steps = specification.starts or 1
             for step in range(steps):
-                progress(Progress(step / steps, 100.0 - step, step, steps))
+                if progress(Progress(step / steps, 100.0 - step, step, steps)):
+                    stopped = True
+                    break
                 time.sleep(0.01)
         case s if s == STUCK:
             time.sleep(3600)
@@ -37,7 +40,7 @@ def tune(specification, progress=None):
         for unit in range(specification.plant.n)
     )
     return Tuning(
-        status=Status.OPTIMAL,
+        status=Status.TIME_LIMIT if stopped else Status.OPTIMAL,
         objective="tau_p",
         tau_p=float(specification.seed),
         peaks=None,

@@ -67,14 +67,17 @@ def test_same_idempotency_key_gives_the_same_job(mutune: Client) -> None:
     assert mutune.submit(tuning(seed=8003), "key of the client's test").id == first.id
 
 
-def test_cancelled_job_ends_without_result(mutune: Client) -> None:
-    """A cancelled job is waited for like any other."""
+def test_cancelled_job_ends(mutune: Client) -> None:
+    """A cancelled job is waited for like any other, and then deleted."""
     job = mutune.submit(tuning(seed=SLOW, starts=1000))
     mutune.cancel(job.id)
     ended = mutune.wait(job.id)
     assert ended.status == "cancelled"
     assert ended == mutune.get(job.id)
     assert str(JobEndedError(ended)) == f"tuning {job.id} cancelled"
+    assert mutune.forget(job.id) == ended
+    with pytest.raises(ServiceError, match="There is no tuning"):
+        mutune.get(job.id)
 
 
 def test_failed_tuning_says_why(mutune: Client) -> None:

@@ -89,15 +89,32 @@ def test_progress_rises_and_the_last_event_is_the_job(client: httpx.Client) -> N
 
 
 def test_running_tuning_is_cancelled(client: httpx.Client) -> None:
-    """DELETE ends a running job, and a second DELETE changes nothing."""
+    """DELETE ends a running job with the best so far, and a second DELETE changes nothing."""
     job = start(client, tuning(SLOW, starts=1000), Prefer="wait=1")
     assert client.delete(job["links"]["self"]).status_code in {200, 202}
     ended = end(client, job)
     assert ended["status"] == "cancelled"
-    assert ended["result"] is None
+    assert ended["result"]["status"] == "time_limit"
+    assert ended["progress"]["best"] == ended["result"]["tau_p"]
     again = client.delete(job["links"]["self"])
     assert again.status_code == 200
     assert again.json() == ended
+
+
+def test_ended_tuning_is_deleted(client: httpx.Client) -> None:
+    """With `forget` a job that has ended goes for ever; one that runs stays, also of a batch."""
+    done = client.post(PATH, json=tuning(11), headers={"Prefer": "wait=30"}).json()
+    running = start(client, tuning(SLOW, starts=1000), Prefer="wait=1")
+    refused = client.delete(running["links"]["self"], params={"forget": True})
+    assert refused.status_code == 409
+    assert client.get(running["links"]["self"]).json()["status"] == "running"
+    client.delete(running["links"]["self"])
+    assert client.delete(done["links"]["self"], params={"forget": True}).json() == done
+    assert client.get(done["links"]["self"]).status_code == 404
+    batch = client.post("/v1/batches", json={"tunings": [tuning(12)]}).json()
+    client.get(batch["links"]["results"])
+    (kept,) = client.get(PATH, params={"batch": batch["id"]}).json()["items"]
+    assert client.delete(kept["links"]["self"], params={"forget": True}).status_code == 409
 
 
 def test_queued_tuning_is_cancelled_at_once(client: httpx.Client) -> None:

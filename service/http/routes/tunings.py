@@ -19,7 +19,7 @@ from service.http.notices import is_allowed
 from service.http.routes.common import BODY_PROBLEMS, described, json_response, problems
 from service.jobs.engine import VERSION
 from service.jobs.records import FINAL, Ended, Job, JobStatus, NewJob
-from service.jobs.store import IdempotencyConflictError, QueueFullError, Store
+from service.jobs.store import IdempotencyConflictError, QueueFullError, Store, UnfinishedError
 from service.jobs.watch import Watcher
 from service.problems import ConflictError, NotFoundError, ParameterError, RateError
 from service.schemas import TuningRequest, canonical, computation
@@ -301,17 +301,33 @@ async def get_tuning(
     summary="Cancel a tuning",
     responses={
         200: described(JobModel, "The job has ended."),
-        202: described(JobModel, "The job will stop within half a second."),
-        **problems(404, 422, 503),
+        202: described(JobModel, "The job will stop soon, with the best so far if there is any."),
+        **problems(404, 409, 422, 503),
     },
 )
-async def delete_tuning(request: Request, job_id: JobId) -> Response:
-    """Cancel a job; one that has ended stays as it is."""
+async def delete_tuning(
+    request: Request,
+    job_id: JobId,
+    forget: Annotated[  # noqa: FBT002 - FastAPI's form of a query parameter
+        bool,
+        Query(description="Delete a job that has ended, for ever.", examples=[False]),
+    ] = False,
+) -> Response:
+    """Cancel a job; it keeps the best so far, and one that has ended stays as it is.
+
+    With `forget` a job that has ended is deleted, and answered as it was. One of a batch stays
+    until the batch expires.
+    """
+    store = _store(request)
     try:
-        job = await asyncio.to_thread(_store(request).cancel, owner(request), job_id)
+        which = store.forget if forget else store.cancel
+        job = await asyncio.to_thread(which, owner(request), job_id)
     except KeyError:
         message = f"There is no tuning {job_id}."
         raise NotFoundError(message) from None
+    except UnfinishedError:
+        message = "Only a tuning of its own that has ended is deleted: cancel it first."
+        raise ConflictError(message) from None
     request.app.state.dispatcher.wake()
     request.app.state.watcher.poke()
     return json_response(job_to_json(job), 200 if job.snapshot.status in FINAL else 202)

@@ -183,6 +183,28 @@ def test_time_limit_returns_the_best_so_far():
     assert result.loops == () or is_stable(SLH, result.loops)
 
 
+def test_a_search_that_is_stopped_keeps_what_it_told():
+    """Settings whose peaks lie between the grid's frequencies are made exact, not given up."""
+    told = []
+
+    def stop(progress):
+        told.append(progress.best)
+        return progress.starts_done >= 40
+
+    plant = first_order(4, 1.0, 100.0, 0.7)
+    task = Specification(
+        plant,
+        USUAL,
+        Performance(),
+        kind=ControllerKind.PID,
+        arrangement=Arrangement.INDEPENDENT,
+        starts=100,
+    )
+    result = tune(task, stop)
+    assert result.status is Status.TIME_LIMIT
+    assert result.tau_p <= 1.01 * told[-1]
+
+
 def test_specification_names_what_is_wrong():
     """Group sizes, starts, seed, limits and objective are checked before any work."""
     for field, more in {
