@@ -19,12 +19,12 @@ from service.analysis import Analysis, Figures
 from service.effort import different_loops
 from service.model_wording import tolerance_lines
 from service.printing import ROUNDED, Grid, Line, Part, peaks_grid, proof_lines, warning_lines
-from service.schemas.controllers import Loop
 from service.schemas.drawn import DrawnRobustness
 from service.schemas.encoding import encode
 from service.schemas.fields import Frequency, IdentifiedResult, ResultModel, below
 from service.schemas.full_controllers import Built, FullController
 from service.schemas.given_loops import EXAMPLE, GivenLoops
+from service.schemas.loop_forms import GivenLoop
 from service.schemas.margins import Bandwidths, LoopMargins
 from service.schemas.model_tolerance import ModelTolerance
 from service.schemas.peaks import CURVES_EXAMPLE, PEAK_EXAMPLE, Curves, Guarantee, Peak, Peaks
@@ -80,7 +80,7 @@ class RobustnessRequest(GivenLoops):
         examples=["full"],
     )
 
-    loops: Annotated[tuple[Loop, ...], Field(max_length=MAX_UNITS)] = Field(
+    loops: Annotated[tuple[GivenLoop, ...], Field(max_length=MAX_UNITS)] = Field(
         default=(),
         description="Settings, one entry a unit; or else a controller.",
         examples=[EXAMPLE["loops"]],

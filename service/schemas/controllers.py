@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, Field
@@ -10,7 +9,7 @@ from pydantic import BaseModel, Field
 import solver.model.controllers
 import solver.tuning.resolution
 import solver.tuning.specification
-from service.schemas.fields import SMALLEST, WHOLE, Gain, PositiveTime, RequestModel, Time, below
+from service.schemas.fields import SMALLEST, WHOLE, Gain, PositiveTime, RequestModel, Time
 from solver.model.plants import MAX_UNITS
 from solver.model.transfer_function import LARGEST
 from solver.tuning.resolution import MAX_DIGITS
@@ -22,7 +21,6 @@ __all__ = [
     "Loop",
     "ParallelForm",
     "Resolution",
-    "given_loops",
 ]
 
 _LARGEST_BOUND = 1e9  # as solver.tuning.specification.Bounds
@@ -49,17 +47,6 @@ class Loop(RequestModel):
         return solver.model.controllers.Controller(
             self.gain, self.integral_time, self.derivative_time, self.filter_time
         )
-
-
-def given_loops(
-    loops: Iterable[Loop], where: str
-) -> tuple[solver.model.controllers.Controller, ...]:
-    """Return the solver's controllers; an error points below `where`."""
-    found = []
-    for index, loop in enumerate(loops):
-        with below(f"{where}/{index}"):
-            found.append(loop.build())
-    return tuple(found)
 
 
 class IdealForm(BaseModel):

@@ -10,8 +10,8 @@ from pydantic import Field, JsonValue
 import solver.model.plants
 import solver.model.weights
 from service.schemas.arrangement import ArrangedRequest
-from service.schemas.controllers import Loop, given_loops
 from service.schemas.fields import RecordedRequest, below
+from service.schemas.loop_forms import GivenLoop, given_loops
 from service.schemas.plants import Plant
 from service.schemas.weights import Performance, Uncertainty
 from solver.model.controllers import Controller
@@ -69,7 +69,7 @@ class GivenLoops(ArrangedRequest):
     performance: Performance = Field(
         description="The demand; tau_p is needed.", examples=[EXAMPLE["performance"]]
     )
-    loops: Annotated[tuple[Loop, ...], Field(min_length=1, max_length=MAX_UNITS)] = Field(
+    loops: Annotated[tuple[GivenLoop, ...], Field(min_length=1, max_length=MAX_UNITS)] = Field(
         description="Settings, one entry a unit.", examples=[EXAMPLE["loops"]]
     )
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeAlias
 
-from pydantic import Field
+from pydantic import Field, Tag
 
+import solver.model.controllers
 import solver.simulation.experiment
 import solver.simulation.loops
-from service.schemas.fields import WHOLE, Gain, PositiveTime, RequestModel, Time
+from service.schemas.fields import WHOLE, PositiveTime, RequestModel, Time
+from service.schemas.loop_forms import CascadeLoop, IdealLoop, ParallelLoop, by_form
 from solver.model.plants import MAX_UNITS
 from solver.model.transfer_function import LARGEST
 
@@ -23,20 +25,9 @@ Size = Annotated[
 ]
 
 
-class SimulatedLoop(RequestModel):
-    """A closed loop: PI, PID or proportional control, with set-point weights."""
+class _Weighted(RequestModel):
+    """Set-point weights, v = P (b r - y) + I/s (r - y) + D s/(1 + T_f s) (c r - y)."""
 
-    gain: Gain = Field(description="Controller gain k, not zero.", examples=[46.3])
-    integral_time: PositiveTime | None = Field(
-        default=None,
-        description="Integral time tau_I; null: no integral action.",
-        examples=[101.0, None],
-    )
-    derivative_time: PositiveTime | None = Field(
-        default=None,
-        description="Derivative time tau_D; null: no derivative action.",
-        examples=[None, 5.0],
-    )
     setpoint_weight: Weight = Field(
         default=1.0,
         description="b: share of the set point that the proportional part sees; 1 is error "
@@ -49,15 +40,44 @@ class SimulatedLoop(RequestModel):
         examples=[1.0, 0.0],
     )
 
-    def build(self) -> solver.simulation.loops.Loop:
-        """Return the solver's loop."""
+    def around(
+        self, controller: solver.model.controllers.Controller
+    ) -> solver.simulation.loops.Loop:
+        """Return the solver's loop of a controller with these weights."""
         return solver.simulation.loops.Loop(
-            self.gain,
-            self.integral_time,
-            self.derivative_time,
+            controller.gain,
+            controller.integral_time,
+            controller.derivative_time,
             self.setpoint_weight,
             self.derivative_weight,
+            controller.filter_time,
         )
+
+
+class SimulatedCascadeLoop(CascadeLoop, _Weighted):
+    """A closed loop in cascade form, with set-point weights."""
+
+    integral_time: PositiveTime | None = Field(
+        default=None,
+        description="Integral time tau_I; null: no integral action.",
+        examples=[101.0, None],
+    )
+
+
+class SimulatedIdealLoop(IdealLoop, _Weighted):
+    """A closed loop in ideal form, with set-point weights."""
+
+
+class SimulatedParallelLoop(ParallelLoop, _Weighted):
+    """A closed loop in parallel form, with set-point weights."""
+
+
+SimulatedLoop: TypeAlias = Annotated[
+    Annotated[SimulatedCascadeLoop, Tag("cascade")]
+    | Annotated[SimulatedIdealLoop, Tag("ideal")]
+    | Annotated[SimulatedParallelLoop, Tag("parallel")],
+    by_form(),
+]
 
 
 class TimeStep(RequestModel):

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from pydantic import BaseModel, ValidationError
 
 from service.schemas.fields import RecordedRequest
+from service.schemas.loop_forms import FORM_UNKNOWN
 from service.schemas.tunings import BatchTuningRequest, TuningRequest
 
 if TYPE_CHECKING:
@@ -257,4 +258,6 @@ def _pointer(place: Sequence[int | str], kind: str) -> str:
     parts = [str(part).replace("~", "~0").replace("/", "~1") for part in place]
     if kind in {"union_tag_invalid", "union_tag_not_found"}:
         parts.append("kind")
+    if kind == FORM_UNKNOWN:
+        parts.append("form")
     return "".join(f"/{part}" for part in parts)

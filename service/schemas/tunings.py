@@ -9,7 +9,7 @@ from pydantic import ConfigDict, Field, JsonValue
 
 from service.schemas.alternatives import Alternatives
 from service.schemas.arrangement import PairingOrBest
-from service.schemas.controllers import ControllerChoice, Loop, given_loops
+from service.schemas.controllers import ControllerChoice, Loop
 from service.schemas.demands import DemandOutcome, Demands
 from service.schemas.encoding import encode
 from service.schemas.fields import (
@@ -21,6 +21,7 @@ from service.schemas.fields import (
     below,
 )
 from service.schemas.given_loops import default_scales
+from service.schemas.loop_forms import GivenLoop, given_loops
 from service.schemas.model_tolerance import ModelTolerance
 from service.schemas.peaks import CURVES_EXAMPLE, Curves, Guarantee, Peaks
 from service.schemas.plants import Plant
@@ -98,7 +99,7 @@ class Search(RequestModel):
         description="Longest computing time; the best settings up to then are returned.",
         examples=[60.0],
     )
-    start: list[Loop] | None = Field(
+    start: list[GivenLoop] | None = Field(
         default=None,
         description="Known settings, one entry a unit: only the best settings beside them are "
         "sought, in a third of the time; the status is then local.",
@@ -161,7 +162,7 @@ class TuningRequest(RecordedRequest):
         "every loop are tried, the nearest to no interaction first. null: output i by input i.",
         examples=[None, [1, 0], "best"],
     )
-    as_found: Annotated[list[Loop], Field(min_length=1, max_length=MAX_UNITS)] | None = Field(
+    as_found: Annotated[list[GivenLoop], Field(min_length=1, max_length=MAX_UNITS)] | None = Field(
         default=None,
         description="Today's settings, one entry a unit; the result tells what they do, beside "
         "its own.",

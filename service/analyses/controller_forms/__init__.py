@@ -1,7 +1,7 @@
 """Convert controllers to other forms, and to what is typed into a control system.
 
-Return the ideal and parallel forms of controllers in cascade form. With a target: the values to
-type, rounded, with their units and the action, and mu of the typed values where a plant is given.
+Return the cascade, ideal and parallel forms of controllers given in any of them. With a target: the
+values to type, rounded, with units and action, and mu of the typed values where a plant is given.
 """
 
 from __future__ import annotations

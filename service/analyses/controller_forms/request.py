@@ -10,7 +10,6 @@ from pydantic import ConfigDict, Field, JsonValue
 import solver.model.plants
 import solver.model.weights
 from service.schemas.arrangement import ArrangedRequest
-from service.schemas.controllers import Loop
 from service.schemas.fields import (
     WHOLE,
     Instrument,
@@ -18,6 +17,7 @@ from service.schemas.fields import (
     below,
 )
 from service.schemas.given_loops import default_scales
+from service.schemas.loop_forms import GivenLoop
 from service.schemas.plants import Plant
 from service.schemas.weights import Performance, Uncertainty
 from service.wording import TIME_UNIT
@@ -135,8 +135,8 @@ class FormsTask:
 class ControllerFormsRequest(ArrangedRequest):
     """Ask for the ideal and parallel forms of controllers, or for what is typed of them."""
 
-    loops: Annotated[tuple[Loop, ...], Field(min_length=1, max_length=MAX_UNITS)] = Field(
-        description="Controllers in cascade form.", examples=[_LOOPS]
+    loops: Annotated[tuple[GivenLoop, ...], Field(min_length=1, max_length=MAX_UNITS)] = Field(
+        description="Controllers, each in any form.", examples=[_LOOPS]
     )
     target: Target | None = Field(
         default=None,

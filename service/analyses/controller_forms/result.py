@@ -19,7 +19,7 @@ class ControllerForms(BaseModel):
     """One controller in its three forms: the same transfer function, filter included."""
 
     cascade: Loop = Field(
-        description="Cascade form, as given.",
+        description="Cascade form.",
         examples=[{"gain": 46.3, "integral_time": 101.0, "derivative_time": None}],
     )
     ideal: IdealForm | None = Field(

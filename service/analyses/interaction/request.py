@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from pydantic import ConfigDict, Field, JsonValue
 
 import solver.model.plants
-from service.schemas.controllers import Loop
 from service.schemas.fields import (
     WHOLE,
     AnalysisRequest,
@@ -19,6 +18,7 @@ from service.schemas.fields import (
     below,
 )
 from service.schemas.frequencies import Frequencies, ascending
+from service.schemas.loop_forms import GivenLoop
 from service.schemas.plants import Plant
 from solver.interaction.loop_effect import MAX_GAINS, LoopEffectQuery
 from solver.model.plants import MAX_UNITS
@@ -57,7 +57,7 @@ class EffectQuery(RequestModel):
     gains: Annotated[tuple[Gain, ...], Field(min_length=1, max_length=MAX_GAINS)] = Field(
         description="Its gains.", examples=[[0.0, 1.0, 2.0]]
     )
-    controller: Loop | None = Field(
+    controller: GivenLoop | None = Field(
         default=None,
         description="Controller of the loop looked at; null leaves it open.",
         examples=[{"gain": 2.0, "integral_time": 1.0, "derivative_time": None}],

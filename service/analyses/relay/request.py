@@ -88,7 +88,9 @@ class PlacedLoop(RequestModel):
     def build(self) -> solver.relay.experiment.PlacedLoop:
         """Return the solver's loop."""
         with below("/loop"):
-            return solver.relay.experiment.PlacedLoop(self.output, self.input, self.loop.build())
+            return solver.relay.experiment.PlacedLoop(
+                self.output, self.input, self.loop.around(self.loop.build())
+            )
 
 
 class RelayExperimentRequest(AnalysisRequest):

@@ -196,7 +196,7 @@ class StepResponseRequest(ArrangedRequest):
         loops = []
         for index, loop in enumerate(self.loops):
             with below(f"/loops/{index}"):
-                loops.append(None if loop is None else loop.build())
+                loops.append(None if loop is None else loop.around(loop.build()))
         controller = self._full(plant.n)
         if controller is not None:
             loops = [None] * plant.n
