@@ -3,9 +3,9 @@
 A tuner is a function of a tuning request (the JSON of the API, as a dict) and a seed that returns
 the loops, one dict a unit, or None; mutune's own is the default. Its settings are judged by the
 zoo: the least tau_P at which their peak of mu over all frequencies is 1, whatever the tuner says.
-``bench/zoo/best.json`` has the best known settings and who found them; ``--record`` adds better
-ones, after AB13MD on a long fine grid has agreed. ``--finder`` searches with CMA-ES in a box of its
-own, which knows nothing of the tuner's.
+``bench/zoo/best.json`` has the best known settings and who found them, and the best that each tuner
+has reached; ``--record`` adds better ones, after AB13MD on a long fine grid has agreed. ``--table``
+shows what is recorded. `bench.finders` has searches that know nothing of the tuner's.
 """
 
 import argparse
@@ -13,7 +13,6 @@ import importlib
 import json
 import math
 import time
-import warnings
 from pathlib import Path
 
 import numpy as np
@@ -33,8 +32,6 @@ BEST = Path(__file__).parent / "zoo" / "best.json"
 MISSED = 1.001
 FINE = 2000  # frequencies at which AB13MD agrees
 AGREEMENT = 1e-6
-SPAN = 1e4  # the finder's box: times and gains over and below what the plant's own numbers are
-EVALUATIONS = 400  # of the finder, a parameter
 
 
 def mutune(request, seed):
@@ -74,11 +71,16 @@ def value(task, settings):
 
 def least(task, loops, omega):
     """Return the tau_P that the frequencies demand."""
+    return float(np.exp(least_of(task, loops, omega).max()))
+
+
+def least_of(task, loops, omega):
+    """Return log of the tau_P that each frequency demands, (k,)."""
     goal = TauGoal(task.performance)
     blocks, controllers = group_loops(task.plant, loops, task.uncertainty)
     c = np.stack([each.response(omega) for each in controllers], axis=-1)
     level = levels(blocks, c, task.uncertainty.squared(omega, blocks.units), omega)
-    return float(np.exp(goal.attained(level, omega).max()))
+    return goal.attained(level, omega)
 
 
 def levels(blocks, c, u, omega):
@@ -112,67 +114,46 @@ def agrees(task, settings, tau_p):
     return max(ab13md(each, sizes, kinds)[0] for each in N) <= 1 + AGREEMENT
 
 
-def finder(request, seed):
-    """Return the settings that CMA-ES finds in a box of its own, or None."""
-    from cma import CMAEvolutionStrategy  # noqa: PLC0415 - of the extra bench, for this alone
+def table(best):
+    """Print what is recorded: the best known tau_P, and by how many per cent each is behind."""
+    names = sorted({name for entry in best.values() for name in entry["reached"]})
+    print("| case | best known tau_P | " + " | ".join(names) + " |")
+    print("| --- | ---: |" + " ---: |" * len(names))
+    for case, entry in best.items():
+        behind = [
+            f"{100 * (entry['reached'][name] / entry['tau_p'] - 1):.2f}"
+            if name in entry["reached"]
+            else "-"
+            for name in names
+        ]
+        print(f"| {case} | {entry['tau_p']:.6g} | " + " | ".join(behind) + " |")
 
-    warnings.simplefilter("ignore")
-    task = TuningRequest.model_validate_json(json.dumps(request)).build()
-    plant, derivative = task.plant, request["controller"]["kind"] == "PID"
-    identical = request["controller"]["arrangement"] == "identical"
-    times = [1 / abs(p) for f in plant.elements for p in f.poles if abs(p) > 0]
-    times += [f.dead_time for f in plant.elements if f.dead_time > 0] + [
-        request["uncertainty"]["theta"]
-    ]
-    middle = math.exp(np.mean(np.log([t for t in times if t > 0])))
-    scale, omega = [], np.geomspace(1e-4 / middle, 1e5 / middle, 150)
-    for unit in range(1 if identical else plant.n):
-        own = plant.element(unit, unit)
-        sign = -1 if own.static_gain < 0 else 1
-        scale.append((sign, 1 / float(abs(own.response(1 / middle)[0]))))
 
-    def loops_of(place):
-        rows = (np.asarray(place) * math.log(SPAN)).reshape(len(scale), -1)
-        made = [
-            Controller(sign * gain * math.exp(row[0]), middle * math.exp(row[1]),
-                       middle * math.exp(row[2]) if derivative else None)
-            for (sign, gain), row in zip(scale, rows, strict=True)
-        ]  # fmt: skip
-        return made * plant.n if identical else made
-
-    def merit(place):
-        outside = float(np.abs(place - np.clip(place, -1, 1)).sum())
-        loops = loops_of(np.clip(place, -1, 1))
-        if unstable_poles(plant, loops):
-            return 1e3 + float(np.mean(place)) + outside
-        found = least(task, loops, omega)
-        return (math.log(found) if math.isfinite(found) else 500.0) + outside
-
-    size = len(scale) * (3 if derivative else 2)
-    strategy = CMAEvolutionStrategy(
-        np.random.default_rng(seed).uniform(-0.5, 0.5, size), 0.3,
-        {"seed": seed + 1, "maxfevals": EVALUATIONS * size, "verbose": -9, "tolfun": 1e-9},
-    )  # fmt: skip
-    strategy.optimize(merit)
-    return [settings_of(each) for each in loops_of(np.clip(strategy.result.xbest, -1, 1))]
+def record(entry, name, seed, tau_p, settings, source):
+    """Return the entry of a case with what a tuner has reached, and its settings if better."""
+    entry = entry or {"tau_p": math.inf, "reached": {}}
+    reached = min(tau_p, entry["reached"].get(name, math.inf))
+    entry = {**entry, "reached": {**entry["reached"], name: float(f"{reached:.9g}")}}
+    if tau_p < entry["tau_p"] * (1 - 1e-6):
+        entry |= {"tau_p": float(f"{tau_p:.9g}"), "loops": settings,
+                  "found_by": f"{name}, seed {seed}", "source": source}  # fmt: skip
+    return entry
 
 
 def main():
     """Print a line a case."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--tuner", default="", help="MODULE:FUNCTION; mutune if absent")
-    parser.add_argument("--finder", action="store_true", help="CMA-ES in the place of a tuner")
+    parser.add_argument("--tuner", default="bench.zoo:mutune", help="MODULE:FUNCTION")
     parser.add_argument("--seeds", type=int, default=1)
     parser.add_argument("--only", default="", help="cases whose name has this text")
-    parser.add_argument("--record", action="store_true", help="keep better settings")
+    parser.add_argument("--record", action="store_true", help="keep what is reached")
+    parser.add_argument("--table", action="store_true", help="print what is recorded, no more")
     arguments = parser.parse_args()
-    name, call = "mutune", mutune
-    if arguments.finder:
-        name, call = "CMA-ES", finder
-    elif arguments.tuner:
-        module, _, function = arguments.tuner.partition(":")
-        name, call = arguments.tuner, getattr(importlib.import_module(module), function)
-    best = json.loads(BEST.read_text()) if BEST.exists() else {}
+    if arguments.table:
+        table(json.loads(BEST.read_text()))
+        return
+    module, _, name = arguments.tuner.partition(":")
+    call = getattr(importlib.import_module(module), name)
     missed = total = 0
     for case, source, request in zoo_cases.cases():
         if arguments.only not in case:
@@ -183,6 +164,7 @@ def main():
             settings = call(request, seed)
             seconds = time.process_time() - started
             tau_p = value(task, settings) if settings else math.inf
+            best = json.loads(BEST.read_text())  # another tuner may be at work beside
             known = best.get(case, {}).get("tau_p", math.inf)
             total += 1
             missed += tau_p > MISSED * known or not math.isfinite(tau_p)
@@ -190,9 +172,10 @@ def main():
             print(f"{case:48} seed {seed} tau_P {tau_p:<11.6g} best known {known:<11.6g} "
                   f"{seconds:6.2f} s{mark}", flush=True)  # fmt: skip
             better = tau_p < known * (1 - 1e-6)
-            if arguments.record and better and agrees(task, settings, tau_p):
-                best[case] = {"tau_p": float(f"{tau_p:.9g}"), "loops": settings,
-                              "found_by": f"{name}, seed {seed}", "source": source}  # fmt: skip
+            if arguments.record and math.isfinite(tau_p) and (
+                not better or agrees(task, settings, tau_p)
+            ):  # fmt: skip
+                best[case] = record(best.get(case), name, seed, tau_p, settings, source)
                 BEST.write_text(json.dumps(best, indent=1, sort_keys=True) + "\n")
     print(f"{total} tunings, {missed} more than 0.1 % behind the best known, or without settings")
 

@@ -66,6 +66,8 @@ ROUGH = 1e-5  # tolerance in s of a start's descent
 ROUGH_NU = 1e-4  # and its barrier parameter
 POLISHED = 3  # optima whose exact values are found
 HOP = 1.0  # in log time
+UNSEEN = 5e-3  # of s between the grid's points, from which optima of the grid may be none
+REFINEMENTS = 3
 SWAPPED = 2  # optima whose times are swapped
 GAIN_STEP = 0.3  # an unstable start is tried again with this share of its gains
 GAIN_STEPS = 12
@@ -387,6 +389,31 @@ class GroupingSearch:
             if self.optima[0].value < best.value - ROUGH:
                 left = list(moves)
 
+    def refine(self) -> bool:
+        """Put the peaks of the best optimum into the grid where it saw too little of them.
+
+        A long dead time turns the phase between its points, and what looks best on them need not
+        be. Returns whether the best optimum now is another one, whose neighbours are not known.
+        """
+        before = self.optima[0].theta if self.optima else None
+        for _ in range(REFINEMENTS):
+            if not self.optima:
+                break
+            here = self.objective.evaluate(self.optima[0].theta)
+            if not math.isfinite(here.value):
+                break
+            exact = self.exact.measure(here.theta, here.s)
+            if exact.value < here.s + UNSEEN:
+                break
+            for index, peaks in enumerate(exact.peaks):
+                self.look_at(peaks, index)
+            refined = [self._again(optimum) for optimum in self.optima]
+            self.optima = []
+            for optimum in refined:
+                if math.isfinite(optimum.value):
+                    self._remember(optimum, optimum.count)
+        return bool(self.optima) and self.optima[0].theta is not before
+
     def slowest_demand(self, here: Evaluation) -> Peak:
         """Return the peak of mu under an infinitely slow demand, between the grid's points too."""
         exact = replace(self.exact, objective=self.phases.feasibility)
@@ -508,15 +535,20 @@ class GroupingSearch:
         return result.ravel()
 
     def _stable(self, theta: NDArray[np.float64]) -> Evaluation | None:
-        """Evaluate a start, its gains lowered until the loop is stable."""
+        """Evaluate a start, its gains lowered until the loop is stable.
+
+        Where the plant integrates, integral action that stays as fast is unstable at any low gain.
+        """
         objective = self.phases.feasibility if self.objective.goal.skewed else self.objective
-        gains = np.zeros_like(theta)
-        gains[:: self.objective.per_controller] = math.log(GAIN_STEP)
+        slower = np.zeros_like(theta)
+        slower[:: self.objective.per_controller] = math.log(GAIN_STEP)
+        if any(element.integrators for element in self.specification.plant.elements):
+            slower[1 :: self.objective.per_controller] = -math.log(GAIN_STEP)
         for _ in range(GAIN_STEPS):
             here = objective.evaluate(self.box.clip(theta))
             if math.isfinite(here.value):
                 return here
-            theta = theta + gains
+            theta = theta + slower
         return None
 
     def _known(self, found: _Found) -> int | None:

@@ -182,6 +182,8 @@ class Solutions:
             self.clock.tick()
         search.swap()
         search.hop()
+        if search.refine():
+            search.hop()
         best = self._best(search, inherited)
         if not wanted:
             self.clock.best = before

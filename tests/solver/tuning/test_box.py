@@ -124,6 +124,15 @@ def test_feasible_up_to_the_edge(M):
         assert result.tau_p == pytest.approx(389.106, abs=0.05)
 
 
+@pytest.mark.parametrize(("n", "lag", "tau_p"), [(1, 30.0, 45.448), (2, 5.0, 13.8887)])
+def test_an_integrator_with_a_lag_is_controlled_without_integral_action(n, lag, tau_p):
+    """A PI loop with a short tau_I is unstable at any low gain: starts slow down as a whole."""
+    own, other = (TransferFunction((a,), (lag, 1, 0)) for a in (1, 0.6))
+    result = run(ParallelPlant(n, own, other if n > 1 else NONE))
+    assert result.status is Status.OPTIMAL
+    assert result.tau_p == pytest.approx(tau_p, rel=1e-4)
+
+
 def test_feedthrough_with_dead_time_is_held_at_infinity():
     """G = e^-5s: (2k + 1/2)/(1 - k) <= 1 for the worst phase, so k <= 1/6 and tau_P = 6.29357."""
     plant = ParallelPlant(1, TransferFunction([1], [1], 5), NONE)
