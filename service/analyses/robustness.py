@@ -328,6 +328,11 @@ def _verdict(result: RobustnessResult) -> Iterator[Line]:
     if result.stable_gain_factor is not None:
         factor = number(result.stable_gain_factor)
         yield Line(f"Stable with all gains reduced to {factor} times these, and below.")
+    elif not result.nominally_stable and not result.poles_at_origin:
+        yield Line(
+            "Not stable with all gains reduced alike either: check the signs of the gains, and "
+            "which input belongs to which output."
+        )
 
 
 def _demand(result: RobustnessResult) -> Line:
@@ -356,9 +361,13 @@ def _margins(margins: Sequence[LoopMargins]) -> Grid:
     rows: list[tuple[str, ...]] = []
     for loop in margins:
         name = f"loop {units_text(loop.units)}"
-        for others, each in (("open", loop.alone), ("closed", loop.together)):
+        for others, each, factor in (
+            ("open", loop.alone, loop.alone_factor),
+            ("closed", loop.together, loop.together_factor),
+        ):
             if each is None:
-                rows.append((name, others, "unstable", "", "", "", "", ""))
+                reduced = "unstable" if factor is None else f"unstable: x {number(factor, 3)}"
+                rows.append((name, others, reduced, "", "", "", "", ""))
                 continue
             values = (
                 each.gain_increase,

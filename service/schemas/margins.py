@@ -74,6 +74,19 @@ class LoopMargins(ResultModel):
         description="All other loops closed, this one broken at its controller's output.",
         examples=[_MARGINS],
     )
+    alone_factor: float | None = Field(
+        default=None,
+        description="Where this loop is unstable alone: stable with its gain times this factor, "
+        "and below; null: none was found, or it is stable.",
+        examples=[None],
+    )
+    together_factor: float | None = Field(
+        default=None,
+        description="Where the loops are unstable together: stable with the gain of this one "
+        "times this factor, and below, the others as they are; null: none was found (of at most "
+        "8 different loops), or they are stable.",
+        examples=[None],
+    )
 
 
 class Bandwidths(ResultModel):

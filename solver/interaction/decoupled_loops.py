@@ -13,7 +13,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solver.interaction.sampling import turns
+from solver.interaction.sampling import dense_frequencies
+from solver.model.controllers import Controller
+from solver.model.frequencies import corners, finite_reach, resonances
+from solver.stability.encirclements import LoopBatch, count_unstable
+from solver.stability.neutral import delayed_radius, feedthrough
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -24,6 +28,9 @@ if TYPE_CHECKING:
     from solver.model.plants import Plant
 
 __all__ = ["DecoupledLoops"]
+
+BEYOND = 10.0  # times the last frequency at which a loop gain may be one: H is at its end there
+PER_DECADE = 60
 
 
 @dataclass(frozen=True)
@@ -66,22 +73,43 @@ class DecoupledLoops:
         )
         return np.asarray(result, dtype=np.complex128)
 
-    def is_stable(self, omega: NDArray[np.float64]) -> bool:
-        """Whether the loops are stable together, from samples (k,) that resolve the plant.
+    def frequencies(self) -> NDArray[np.float64]:
+        """Return frequencies (k,) that resolve the plant, up to where its loops end."""
+        plant = dense_frequencies(self.plant.elements)
+        end = self._reach()
+        if end <= plant[-1]:
+            return plant
+        beyond = np.geomspace(plant[-1], end, int(PER_DECADE * math.log10(end / plant[-1])) + 2)
+        return np.concatenate([plant, beyond[1:]])
 
-        det(I + Q C) (s/(s + m))^n has no pole in the right half plane and is positive at s = 0,
-        so the loops are stable when its argument returns to zero.
-        """
-        C = self._feedback(omega)
-        middle = omega[omega.size // 2]
-        wash = 1j * omega / (1j * omega + middle)
-        F = np.linalg.det(np.eye(self.plant.n) + self._process(omega) * C[:, None, :])
-        F = F * wash**self.plant.n
-        # At the lowest frequency Q is nearly the identity: the argument is that of its loops.
-        loops = (1 + C[0]) * wash[0]
-        start = float(np.sum(np.angle(loops)) + np.angle(F[0] / np.prod(loops)))
-        turn = start + float(np.sum(turns(np.angle(F))))
-        return round(turn / math.pi) == 0
+    def is_stable(self) -> bool:
+        """Whether the loops are stable together, by encirclements on the whole axis."""
+
+        def loop_gain(omega: NDArray[np.float64]) -> NDArray[np.complex128]:
+            return (self._process(omega) * self._feedback(omega)[:, None, :])[:, None]
+
+        k = np.array([g.proportional_gain for g in self.gains])
+        passed = {
+            time: (feedthrough(self.plant, time) @ self.decoupler * k)[None]
+            for time in {0.0, *(element.dead_time for element in self.plant.elements)}
+        }
+        if len(passed) > 1 and delayed_radius(passed)[0] >= 1:
+            return False
+        resets = [g.integral_gain / abs(g.proportional_gain or np.inf) for g in self.gains]
+        bends = np.append(corners(self.plant), [omega for omega in resets if omega > 0])
+        batch = LoopBatch(
+            loop_gain, np.sort(bends), resonances(self.plant), passed[0.0], self.plant.n
+        )
+        return int(count_unstable(batch)[0]) == 0
+
+    def _reach(self) -> float:
+        """Return a frequency beyond which no loop gain reaches one, where there is such an end."""
+        own = [
+            Controller(abs(g.proportional_gain), None) for g in self.gains if g.proportional_gain
+        ]
+        most = float(np.abs(self.decoupler).sum())
+        scaled = [Controller(most * controller.gain, None) for controller in own]
+        return BEYOND * max(finite_reach(self.plant, scaled), default=0.0)
 
     def _process(self, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
         return np.asarray(self.plant.response(omega) @ self.decoupler, dtype=np.complex128)

@@ -18,7 +18,6 @@ from solver.interaction.detuning import detuned
 from solver.interaction.loop_shape import RobustnessLimits
 from solver.interaction.pi_design import DesignStatus, LoopDesigner, PIDesign
 from solver.interaction.relative_gain import relative_gain_array, relative_gain_at
-from solver.interaction.sampling import dense_frequencies
 from solver.interaction.weighted_sum import WeightedSum
 from solver.model.equality import ByValue
 from solver.model.errors import InvalidInputError, UnsupportedPlantError
@@ -38,6 +37,7 @@ if TYPE_CHECKING:
 __all__ = ["DecoupledClosedLoop", "Decoupling", "DecouplingSpecification", "decouple"]
 
 INPUT_ERROR = 0.2  # relative error of an input, that of the default uncertainty weight
+NOISE = 1e-12  # of the largest peak: what an exact zero leaves
 _UNLIKE = 2.0  # factor between index and peak from which the estimate misleads
 _MATTERS = 0.1  # interaction below this is small whatever the estimate says
 _POINTS = 200  # of the curves; the peaks are read off a dense grid
@@ -290,12 +290,11 @@ def _loops(
     free = designs(np.full(plant.n, math.inf))
     if specification.max_index is None:
         return free
-    dense = dense_frequencies(plant.elements)
 
     def peaks(loops: Sequence[PIDesign]) -> NDArray[np.float64] | None:
         gains = tuple(loop.gains for loop in loops if loop.gains is not None)
         system = DecoupledLoops(plant, D, gains, specification.weights)
-        return _peaks(np.abs(system.exact(dense))) if system.is_stable(dense) else None
+        return _peaks(np.abs(system.exact(system.frequencies()))) if system.is_stable() else None
 
     # Where nothing in the model bounds a loop, the estimate is where the search begins.
     start = np.where(
@@ -333,17 +332,22 @@ def _closed_loop(
     if omega is None:
         bends = corners_of(plant.elements)
         omega = np.geomspace(bends[0] / 100, bends[-1] * 100, _POINTS)
-    dense = dense_frequencies(plant.elements)
+    dense = system.frequencies()
     coupling = np.abs(kappa * [g.integral_gain for g in gains])
     indices = np.where(coupling == 0, 0.0, coupling) * np.array(peaks)[:, None]
     np.fill_diagonal(indices, 0.0)
+    stable = system.is_stable()
+    exact_peaks = np.full((plant.n, plant.n), math.inf)
+    if stable:
+        exact_peaks = _peaks(np.abs(system.exact(dense)))
+        exact_peaks[exact_peaks < NOISE * exact_peaks.max()] = 0.0
     return DecoupledClosedLoop(
-        stable=system.is_stable(dense),
+        stable=stable,
         omega=omega,
         approximate=system.approximate(omega),
         exact=system.exact(omega),
         approximate_peaks=_peaks(np.abs(system.approximate(dense))),
-        exact_peaks=_peaks(np.abs(system.exact(dense))),
+        exact_peaks=exact_peaks,
         indices=indices,
     )
 
@@ -377,6 +381,10 @@ def _input_error_gain(plant: Plant, loops: list[PIDesign]) -> float:
     return float(np.nanmax(np.concatenate(gains).sum(axis=2)))
 
 
+TOO_STRONG = "the interaction left by the static decoupler is too strong"
+SMALLER_INDEX = "Give a smaller max_index."
+
+
 def _warnings(
     loops: list[PIDesign],
     closed_loop: DecoupledClosedLoop | None,
@@ -389,18 +397,20 @@ def _warnings(
         for index, loop in enumerate(loops)
         if loop.status is DesignStatus.UNBOUNDED
     ]
-    warnings += [
-        f"Loop {index + 1} is unstable with its settings, even alone."
+    unstable_alone = [
+        index + 1
         for index, loop in enumerate(loops)
         if loop.status is DesignStatus.GIVEN and loop.sensitivity is None
+    ]
+    warnings += [
+        f"Loop {number} is unstable with its settings, even alone." for number in unstable_alone
     ]
     if closed_loop is not None and closed_loop.stable:
         warnings += _interaction_warnings(closed_loop, max_index)
     if closed_loop is not None and not closed_loop.stable:
-        warnings.append(
-            "The loops are unstable together: the interaction left by the static decoupler is "
-            "too strong. Give a smaller max_index."
-        )
+        why = "" if unstable_alone else f": {TOO_STRONG}"
+        advice = "Give lower gains." if loops[0].status is DesignStatus.GIVEN else SMALLER_INDEX
+        warnings.append(f"The loops are unstable together{why}. {advice}")
     if INPUT_ERROR * error_gain > 1:
         warnings.append(
             f"Relative gains are large: an error of {INPUT_ERROR:.0%} in the inputs changes the "

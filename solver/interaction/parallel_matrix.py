@@ -101,7 +101,7 @@ class ParallelMatrix:
     @property
     def own_relative_gain(self) -> complex:
         """Diagonal element of the relative gain array, eq. 13. Needs a regular matrix."""
-        return self.own * self.own_inverse
+        return self.own * self.own_inverse + 0.0  # no -0
 
     @property
     def other_relative_gain(self) -> complex:

@@ -100,7 +100,7 @@ def relative_gain_array(gain: ArrayLike) -> NDArray[np.float64]:
     core = equilibrate(P)  # scaling leaves the array as it is and the inverse accurate
     gains = core * np.linalg.inv(core).T
     # An element that is zero but for rounding must not pass for a positive one.
-    noise = len(gains) * np.finfo(float).eps * np.max(np.abs(gains)) ** 2
+    noise = len(gains) * np.finfo(float).eps * max(1.0, float(np.max(np.abs(gains)))) ** 2
     return np.where(np.abs(gains) <= noise, 0.0, gains)
 
 

@@ -223,7 +223,10 @@ def _newton(
         residual, jacobian = _conditions(N, v, x, m_squared, blocks)
         transposed = np.swapaxes(jacobian, 1, 2)
         normal = transposed @ jacobian + DAMPING * np.eye(2 * p + b + 1)
-        step = np.linalg.solve(normal, transposed @ residual[:, :, None])[:, :, 0]
+        try:
+            step = np.linalg.solve(normal, transposed @ residual[:, :, None])[:, :, 0]
+        except np.linalg.LinAlgError:  # conditions that rounding makes dependent: no better here
+            break
         v = _unit(v - step[:, :p] - 1j * step[:, p : 2 * p])
         x = np.maximum(x - step[:, 2 * p : 2 * p + b], 1e-6)
         m_squared = m_squared - step[:, -1]

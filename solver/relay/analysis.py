@@ -30,6 +30,8 @@ from solver.simulation.closed_loop import events
 from solver.simulation.integrator import End, integrate
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
     from solver.simulation.trajectory import Trajectory
@@ -37,6 +39,8 @@ if TYPE_CHECKING:
 __all__ = ["Cycle", "RelayOutcome", "Theory", "relay_experiment"]
 
 _RANGE = 2000.0  # ratio of the longest half period looked at to the shortest
+# Below and above the cycle's frequency, where the process is looked at for an ultimate point.
+_BELOW, _ABOVE = 30.0, 1e4
 
 
 @dataclass(frozen=True)
@@ -193,7 +197,7 @@ def relay_experiment(experiment: RelayExperiment) -> RelayOutcome:
         inputs=signals[1],
         switchings=times,
         regimes=regimes(times),
-        cycle=_cycle(experiment, wired, trajectory, times)
+        cycle=_cycle(experiment, wired, loop, trajectory, times)
         if how is Behaviour.LIMIT_CYCLE
         else None,
         final_outputs=tuple(float(row[-1]) for row in signals[0]),
@@ -213,6 +217,7 @@ def _bounds(experiment: RelayExperiment, wired: RelayWiring) -> NDArray[np.float
 def _cycle(
     experiment: RelayExperiment,
     wired: RelayWiring,
+    loop: RelayLoop,
     trajectory: Trajectory,
     times: NDArray[np.float64],
 ) -> Cycle:
@@ -229,13 +234,16 @@ def _cycle(
         end,
     )
     own = measured[wired.output]
+    omega = 2 * np.pi / (end - start)
+    band = omega / _BELOW, omega * _ABOVE
     seen = SeenCycle(
-        omega=2 * np.pi / (end - start),
+        omega=omega,
         gain=own.gain,
         phase=float(-np.mod(-own.phase - (np.pi if sign < 0 else 0.0), 2 * np.pi)),
         switchings=count,
         unevenness=_unevenness(times),
         hysteresis=relay.hysteresis > 0,
+        exists=ultimate_point(_response(loop, sign), *band) is not None,
     )
     ultimate = seen.ultimate(ultimate_gain(amplitudes[wired.output], relay.amplitude))
     return Cycle(
@@ -260,17 +268,25 @@ def _unevenness(times: NDArray[np.float64]) -> float:
     return float(abs(first - second) / (first + second))
 
 
+def _response(
+    loop: RelayLoop, sign: float
+) -> Callable[[NDArray[np.float64]], NDArray[np.complex128]]:
+    """Return the frequency response of the process that the relay sees, its sign turned."""
+
+    def response(omega: NDArray[np.float64]) -> NDArray[np.complex128]:
+        value: NDArray[np.complex128] = sign * loop.response(omega)
+        return value
+
+    return response
+
+
 def _theory(experiment: RelayExperiment, loop: RelayLoop) -> Theory:
     relay = experiment.relay
     longest = experiment.duration / 2
     shortest = longest / _RANGE
     band = float(np.pi / longest), float(np.pi / shortest)
     sign = float(np.sign(relay.amplitude))
-
-    def response(omega: NDArray[np.float64]) -> NDArray[np.complex128]:
-        value: NDArray[np.complex128] = sign * loop.response(omega)
-        return value
-
+    response = _response(loop, sign)
     offset = np.pi * relay.hysteresis / (4 * abs(relay.amplitude))
     return Theory(
         solutions=periodic_solutions(loop, relay, shortest, longest),

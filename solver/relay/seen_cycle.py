@@ -38,6 +38,9 @@ class SeenCycle:
         Difference of the half periods over the period.
     hysteresis : bool
         Whether the relay has one.
+    exists : bool
+        Whether the phase of the process reaches -pi at all, near this frequency or above it. Where
+        it does not, what oscillates is the relay's hysteresis or sampling, however near -pi.
 
     """
 
@@ -47,6 +50,7 @@ class SeenCycle:
     switchings: int
     unevenness: float
     hysteresis: bool
+    exists: bool = True
 
     @property
     def off(self) -> float:
@@ -56,7 +60,7 @@ class SeenCycle:
     @property
     def at_ultimate_point(self) -> bool:
         """Whether the cycle may stand for the ultimate point."""
-        return self.switchings == 2 and abs(self.off) <= FARTHEST
+        return self.exists and self.switchings == 2 and abs(self.off) <= FARTHEST
 
     def ultimate(self, described: float) -> Ultimate | None:
         """Return the ultimate point, `described` its gain for half periods that are equal.
@@ -75,6 +79,13 @@ class SeenCycle:
             return (
                 f"{self.switchings} switchings in a period: several oscillations at once, no "
                 "ultimate point and no settings."
+            )
+        if not self.exists:
+            return (
+                "No ultimate gain: the phase of this process does not reach -pi, so it has none; "
+                "the relay's hysteresis or sampling makes the cycle. The experiment tells the "
+                f"response there, gain {self.gain:.4g} at {self.omega:.4g} rad per time unit, and "
+                "no settings. A real process has some dead time: put it into the model."
             )
         parts = []
         if not self.at_ultimate_point:

@@ -331,6 +331,7 @@ class _CurveSearch:
             part = slice(first, first + 3)
             values, d = self.analysis.level(self.curve, inside[part])
             sound = np.isfinite(values) & np.isfinite(d).all(axis=1)
+            sound &= self.analysis.resolved(inside[part])
             self.take(inside[part][sound], values[sound], d[sound])
             for end, y in zip(ends[part][sound].tolist(), 2 * np.log(d[sound]), strict=True):
                 bracket = (1 + BRACKET) * self.peak.value
@@ -385,6 +386,8 @@ class _CurveSearch:
     def _look(self, omega: NDArray[np.float64]) -> None:
         values, d = self.analysis.level(self.curve, omega)
         sound = np.isfinite(values) & np.isfinite(d).all(axis=1)
+        beyond = (omega < self.analysis.omega[0]) | (omega > self.analysis.omega[-1])
+        sound[beyond] &= self.analysis.resolved(omega[beyond])
         self.take(omega[sound], values[sound], d[sound])
 
     def take(

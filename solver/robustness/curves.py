@@ -21,6 +21,7 @@ from solver.mu.scaling import sweep
 from solver.mu.structure import sigma_max
 from solver.robustness.block_bounds import greatest_bound, interconnections
 from solver.robustness.record import Curves, Peaks
+from solver.stability.singular import equilibrate, has_empty_line
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -35,6 +36,7 @@ __all__ = ["LoopAnalysis"]
 POINTS_PER_DECADE = 24
 BEYOND = 0.1  # the grid goes on so far beyond where the loop's gain can last be one
 MAX_ENTRIES = 4_000_000  # of matrices that are held at once: 64 MB each
+BEST_CONDITION = 1e12  # of the return difference, rows and columns equilibrated: four digits left
 LOWEST = 1e-18  # of the lowest bend: slower directions are singular to working accuracy
 
 
@@ -79,6 +81,21 @@ class LoopAnalysis:
     def matrices(self, omega: NDArray[np.float64]) -> list[NDArray[np.complex128]]:
         """N_RP of each block, (k, 2 m, 2 m) complex: uncertain channels first."""
         return self._at(omega).matrices
+
+    def resolved(self, omega: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Whether rounding leaves S some digits at `omega` (k,).
+
+        It does not where a plant is regular by small differences of large elements alone, as one
+        of integrators that differ in dead time is towards zero.
+        """
+        sound = np.ones(omega.size, dtype=bool)
+        c = np.stack([controller.response(omega) for controller in self.controllers], axis=-1)
+        for block, G in zip(self.blocks.blocks, self.blocks.response(omega), strict=True):
+            E = np.eye(block.size) + G * c[:, None, list(block.channels)]
+            usable = np.isfinite(E).all(axis=(1, 2)) & ~has_empty_line(E)
+            sound &= usable
+            sound[usable] &= np.linalg.cond(equilibrate(E[usable])) < BEST_CONDITION
+        return sound
 
     def robust_performance(self, omega: NDArray[np.float64]) -> NDArray[np.float64]:
         """Upper bound of mu(N_RP) at `omega` (k,)."""

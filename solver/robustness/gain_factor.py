@@ -20,16 +20,27 @@ LEAST = 2.0**-20  # this one
 REFINED = 1e-3  # relative
 
 
-def stable_gain_factor(plant: Plant, loops: Sequence[Controller]) -> float | None:
-    """Return a factor on all gains of unstable loops below which they become stable.
+def stable_gain_factor(
+    plant: Plant, loops: Sequence[Controller], units: Sequence[int] | None = None
+) -> float | None:
+    """Return a factor on gains of unstable loops below which they become stable.
+
+    Of all loops, or of those of the `units` alone, the others as they are.
 
     It is the greatest in the sense of a search by halves: the loops are stable at it and at the
     factors half, a quarter, ... of it, and unstable just above. None: no factor down to `LEAST`
     makes them stable, as where a sign is wrong.
     """
+    turned = set(range(plant.n) if units is None else units)
 
     def stable(factor: float) -> bool:
-        return is_stable(plant, [replace(loop, gain=factor * loop.gain) for loop in loops])
+        return is_stable(
+            plant,
+            [
+                replace(loop, gain=factor * loop.gain) if unit in turned else loop
+                for unit, loop in enumerate(loops)
+            ],
+        )
 
     factor = STEP
     while not stable(factor):

@@ -21,6 +21,7 @@ from solver.model.peaks import highest, slices
 from solver.model.plants import ParallelPlant
 from solver.model.subsystems import interchangeable, subsystem
 from solver.robustness.bandwidth import HALF_POWER
+from solver.robustness.gain_factor import stable_gain_factor
 from solver.robustness.slow_modes import slow_end
 from solver.robustness.subsets import Subsets
 from solver.robustness.turning import turning_points
@@ -53,6 +54,7 @@ NEGLIGIBLE = 1e-3  # |L| below which a phase crossing is no gain margin worth a 
 POINTS_A_DECADE = 40
 LARGEST_TURN = 0.2  # rad of phase between neighbouring grid points, of L and of 1 + L
 MAX_POINTS = 20_000
+MOST_REDUCED = 8  # different loops whose gain is reduced in turn: some tens of counts of poles each
 CLOSEST = 1e-12  # relative: what is narrower than that, rounding hides
 SECTIONS = 16  # of an interval a round
 ROOT_ROUNDS = 4  # to 2e-5 of a grid step; the chord's error there is the square of that
@@ -99,12 +101,16 @@ class LoopMargins:
     """Margins of the loops of `units`, which share settings and surroundings.
 
     `alone`: all other loops open. `together`: all others closed, this one broken at its
-    controller's output. None where that arrangement is unstable.
+    controller's output. None where that arrangement is unstable; then `alone_factor` and
+    `together_factor` tell to which factor the gain of these loops, the others as they are, has to
+    be reduced, and below: None where none was found.
     """
 
     units: tuple[int, ...]
     alone: Margins | None
     together: Margins | None
+    alone_factor: float | None = None
+    together_factor: float | None = None
 
 
 def loop_margins(
@@ -152,8 +158,26 @@ def loop_margins(
     found = _margins(transfers, grids)
     alone = dict(zip(sound, found, strict=False))
     together = dict(zip(closed, found[len(sound) :], strict=True)) if plant.n > 1 else alone
+    alone_factor = {
+        unit: stable_gain_factor(*subsystem(plant, loops, (unit,)))
+        for unit in units
+        if unit not in alone
+    }
+    together_factor = alone_factor
+    if plant.n > 1:
+        few = not stable and len(groups) <= MOST_REDUCED
+        together_factor = {
+            group[0]: stable_gain_factor(plant, loops, group) for group in groups if few
+        }
     return tuple(
-        LoopMargins(group, alone.get(group[0]), together.get(group[0])) for group in groups
+        LoopMargins(
+            group,
+            alone.get(group[0]),
+            together.get(group[0]),
+            alone_factor.get(group[0]),
+            together_factor.get(group[0]),
+        )
+        for group in groups
     )
 
 

@@ -42,6 +42,7 @@ __all__ = ["ModelTolerance", "model_tolerances", "parameters"]
 
 SMALLEST_ERROR = 0.0096  # the errors tried: from about a per cent, doubling (never just -1),
 LARGEST_ERROR = 4.0  # up to five times the value, or to minus three times
+CLOSER, LEAST_ERROR = 4.0, 1e-9  # where already the first is too large, down to the last
 HALVINGS = 6  # of the last doubling: to a hundredth of the error, or 1.5e-4 of the value
 LOWER = 1e-4  # of the grid's low end: a direction near singular is slower than anything else
 PER_DECADE = 8
@@ -196,6 +197,12 @@ def _between(
     lost: Callable[[float], tuple[bool, bool]], which: int, inside: float, outside: float
 ) -> float:
     """Return the last error found not to lose it."""
+    while not inside and abs(outside) > LEAST_ERROR:  # a first error may be a thousand too large
+        smaller = outside / CLOSER
+        if lost(smaller)[which]:
+            outside = smaller
+        else:
+            inside = smaller
     for _ in range(HALVINGS):
         middle = 0.5 * (inside + outside)
         if lost(middle)[which]:

@@ -47,7 +47,6 @@ __all__ = [
 
 # Radians. A phase this near to 0 or pi is taken for it, which lowers the bound by its square;
 # the all-pass factor would otherwise turn a million times slower or faster than omega.
-FAR_CORNER = 1e10  # coefficients end at 1e12
 SMALLEST_PHASE = 1e-6
 DISAGREEMENT = 0.05  # relative gap between the bounds that the user is told of
 
@@ -238,11 +237,8 @@ def all_pass(value: complex, omega: float) -> TransferFunction:
     gain = sign * magnitude
     ratio = math.tan(lag / 2)
     corner = omega / ratio
-    if not 1 / FAR_CORNER < corner < FAR_CORNER:  # both coefficients within reach
-        root = math.sqrt(corner)
-        return TransferFunction((-gain / root, gain * root), (1 / root, root))
-    if ratio <= 1:  # the coefficients stay near one whatever the phase
-        tau = ratio / omega
+    if corner >= 1:  # no coefficient leaves its range, however low or high the frequency
+        tau = 1 / corner
         return TransferFunction((-gain * tau, gain), (tau, 1.0))
     return TransferFunction((-gain, gain * corner), (1.0, corner))
 

@@ -61,8 +61,8 @@ def neutral_gain(
     if lost.any() or not any(times):
         return np.where(lost, np.inf, 0.0)
     gains = {time: direct_gain(plant, controllers, counts, time) for time in times}
-    found = _radius({time: mean for time, (mean, _) in gains.items()})
-    apart = _radius({time: apart[:, None, None] for time, (_, apart) in gains.items()})
+    found = delayed_radius({time: mean for time, (mean, _) in gains.items()})
+    apart = delayed_radius({time: apart[:, None, None] for time, (_, apart) in gains.items()})
     return np.asarray(np.maximum(found, np.max(np.where(counts > 1, apart, 0.0), axis=1)))
 
 
@@ -79,7 +79,7 @@ def direct_gain(
     """
     c = np.array([_high_frequency_gain(controller) for controller in controllers])
     if not isinstance(plant, ParallelPlant):
-        D = np.array([[_at(element, time) for element in row] for row in plant.rows]) * c
+        D = feedthrough(plant, time) * c
         return np.asarray(D * counts[:, None, :]), np.zeros(c.size)
     own, other = _at(plant.process, time), _at(plant.interaction, time) if plant.n > 1 else 0.0
     root = np.sqrt(counts)
@@ -88,7 +88,12 @@ def direct_gain(
     return np.asarray(means), (own - other) * c
 
 
-def _radius(D: dict[float, NDArray[np.float64]]) -> NDArray[np.float64]:
+def feedthrough(plant: Plant, time: float) -> NDArray[np.float64]:
+    """Return what a plant passes on after just that `time`, (n, n)."""
+    return np.array([[_at(element, time) for element in row] for row in plant.rows])
+
+
+def delayed_radius(D: dict[float, NDArray[np.float64]]) -> NDArray[np.float64]:
     """Return the greatest spectral radius of each loop, from D_k (loops, m, m) by dead time."""
     size = next(iter(D.values())).shape[-1]
     direct = np.eye(size) + D.get(0.0, np.zeros((size, size)))

@@ -7,7 +7,9 @@ import httpx
 import pytest
 from samples import altered
 
-from service.analyses.interaction import InteractionResult
+from service.analyses.interaction.result import InteractionResult
+from service.analyses.interaction.table import table
+from service.printing import Line
 
 PATH = "/v1/interaction"
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -93,3 +95,17 @@ def test_fault_is_named_by_its_pointer(
     response = client.post(PATH, json=altered(ROSENBROCK, pointer, value))
     assert response.status_code == 422
     assert response.json()["errors"][0]["pointer"] == blamed
+
+
+def test_headline_of_loops_that_act_through_the_others_does_not_contradict_them(
+    client: httpx.Client,
+) -> None:
+    """[[0, 1], [1, 1]]: relative gains 0 and 1, yet no loop as numbered keeps its gain."""
+    lag, none = {"num": [1], "den": [10, 1]}, {"num": [0], "den": [1]}
+    plant = {"kind": "matrix", "elements": [[none, lag], [lag, lag]]}
+    result = InteractionResult.model_validate(client.post(PATH, json={"plant": plant}).json())
+    headline = table(result)[0]
+    assert isinstance(headline, Line)
+    assert "act through the others alone" in headline.text
+    assert result.recommended is not None
+    assert result.recommended.inputs == [1, 0]

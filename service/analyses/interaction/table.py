@@ -22,6 +22,9 @@ _SIGNS = {
     "positive": "Positive interaction: the loops help each other.",
     "negative": "Negative interaction: the loops fight each other.",
 }
+_DEPENDENT = (
+    "As numbered, some loops act through the others alone; paired anew they hardly interact."
+)
 _DETUNABLE = {
     "guaranteed": "As numbered, some integral controllers stay stable with any gains reduced or "
     "loops opened: guaranteed.",
@@ -36,6 +39,8 @@ _SHOWN = 5  # pairings worth a line; the others are in the JSON result
 def table(result: InteractionResult) -> list[Part]:
     """Return relative gains, pairings, zeros and the effect asked for."""
     headline = _SIGNS.get(result.sign or "", "The gain is singular: there are no relative gains.")
+    if result.sign == "none" and any(loop.meaning == "dependent" for loop in result.loops):
+        headline = _DEPENDENT
     parts: list[Part] = [Line(headline, "strong")]
     if result.relative_gains is not None:
         parts.append(matrix("Relative gains", result.relative_gains, "output", "input"))

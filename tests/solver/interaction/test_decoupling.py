@@ -9,7 +9,6 @@ from solver.interaction.decoupled_loops import DecoupledLoops
 from solver.interaction.decoupling import Decoupling, DecouplingSpecification, decouple
 from solver.interaction.loop_shape import RobustnessLimits
 from solver.interaction.pi_design import DesignStatus
-from solver.interaction.sampling import dense_frequencies
 from solver.model.controllers import ParallelForm
 from solver.model.errors import InvalidInputError, UnsupportedPlantError
 from solver.model.plants import MatrixPlant, ParallelPlant, first_order
@@ -264,7 +263,7 @@ def test_stability_is_that_of_the_poles(k: float, k_I: float) -> None:
         ROSENBROCK, np.array([[3.0, -2.0], [-3.0, 3.0]]), (ParallelForm(k, k_I),) * 2, (0.0, 0.0)
     )
     stable = bool(np.all(_closed_loop_poles(k, k_I).real < 0))
-    assert loops.is_stable(dense_frequencies(ROSENBROCK.elements)) is stable
+    assert loops.is_stable() is stable
 
 
 def test_loops_that_are_unstable_together_are_warned_of() -> None:
@@ -326,3 +325,53 @@ def test_bad_options_are_refused() -> None:
     with pytest.raises(InvalidInputError) as weight:
         DecouplingSpecification(WOOD_BERRY, set_point_weights=(0.0, 1.5))
     assert weight.value.field == "/set_point_weights/1"
+
+
+def _with_own(plant: MatrixPlant, *gains: float) -> Decoupling:
+    own = tuple(ParallelForm(gain, gain / 10) for gain in gains)
+    return decouple(DecouplingSpecification(plant, gains=own))
+
+
+def test_loops_far_faster_than_the_plant_are_judged_where_they_end() -> None:
+    """Lags without dead time stay stable with gains of 1e6; a dead time of 1e-3 forbids 1e5."""
+
+    def lags(dead_time: float) -> MatrixPlant:
+        parts = [[(1.0, 10.0), (0.3, 20.0)], [(0.2, 5.0), (1.0, 10.0)]]
+        return MatrixPlant(
+            [[TransferFunction([k], [T, 1], dead_time) for k, T in row] for row in parts]
+        )
+
+    for dead_time, gain, stable in ((0.0, 1e6, True), (1e-3, 1e3, True), (1e-3, 1e5, False)):
+        closed_loop = _with_own(lags(dead_time), gain, gain).closed_loop
+        assert closed_loop is not None
+        assert closed_loop.stable is stable
+
+
+@pytest.mark.parametrize("damping", [1e-2, 1e-4, 1e-6])
+def test_a_resonance_is_judged_however_narrow(damping: float) -> None:
+    """PI on 1/(s^2 + 2 z s + 1): by Routh, stable for 2 z (1 + k) > k_I."""
+    resonant = TransferFunction([1], [1, 2 * damping, 1])
+    none = TransferFunction([0], [1])
+    plant = MatrixPlant([[resonant, none], [none, TransferFunction([1], [10, 1])]])
+    for gain in (0.1, 20 * damping, 21 * damping):
+        gains = (ParallelForm(gain, gain / 10), ParallelForm(1.0, 0.1))
+        loops = DecoupledLoops(plant, np.eye(2), gains, (0.0, 0.0))
+        assert loops.is_stable() is (2 * damping * (1 + gain) > gain / 10)
+
+
+def test_loops_unstable_by_themselves_are_told_so_and_have_no_peaks() -> None:
+    """No interaction is blamed, and no number stands for what does not exist."""
+    result = _with_own(WOOD_BERRY, 1.0, 100.0)
+    assert result.closed_loop is not None
+    assert not result.closed_loop.stable
+    assert np.isinf(result.closed_loop.exact_peaks).all()
+    assert any("Loop 2 is unstable with its settings, even alone" in w for w in result.warnings)
+    assert not any("interaction left" in warning for warning in result.warnings)
+
+
+def test_interaction_that_is_not_there_has_no_peak() -> None:
+    """Identical lags are decoupled at all frequencies: zero, not 1e-16."""
+    result = decouple(DecouplingSpecification(first_order(3, 1, 1, 0.6, 1)))
+    assert result.closed_loop is not None
+    peaks = result.closed_loop.exact_peaks
+    assert np.all(peaks[~np.eye(3, dtype=bool)] == 0)

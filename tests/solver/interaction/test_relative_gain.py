@@ -173,3 +173,10 @@ def test_singular_static_gain_is_a_status() -> None:
     low = low_frequency_gain(_integrating([[0, 0], [0, 0]], [[1, 1], [1, 1]]))
     assert low.status is GainStatus.SINGULAR
     np.testing.assert_array_equal(low.gain, np.ones((2, 2)))
+
+
+def test_relative_gain_that_is_zero_but_for_rounding_is_zero() -> None:
+    """Four units with a = -0.5 act through each other only: lambda_ii = 0, not 1.7e-16."""
+    array = relative_gain_array(1.5 * np.eye(4) - 0.5)
+    assert np.all(np.diag(array) == 0)
+    np.testing.assert_allclose(array, (1 - np.eye(4)) / 3, atol=1e-12)

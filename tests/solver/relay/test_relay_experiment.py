@@ -328,6 +328,21 @@ def test_process_without_ultimate_point_gets_none() -> None:
     assert outcome.theory.ultimate is None
 
 
+@pytest.mark.parametrize(
+    ("den", "hysteresis"), [([100, 20, 1], 0.5), ([1, 0.2, 1], 0.5), ([1, 1, 0], 0.1)]
+)
+def test_no_hysteresis_is_small_enough_for_an_ultimate_point_that_is_not_there(
+    den: list[float], hysteresis: float
+) -> None:
+    """A lag of second order comes as near to -pi as one likes, and oscillates at no gain."""
+    outcome = alone(TransferFunction([2.0], den), Relay(50.0, hysteresis), 80.0)
+    assert outcome.cycle is not None
+    assert outcome.cycle.ultimate is None
+    assert outcome.cycle.settings is None
+    assert outcome.cycle.remark is not None
+    assert "does not reach -pi" in outcome.cycle.remark
+
+
 def test_static_load_makes_the_cycle_uneven_and_is_said() -> None:
     """A load of half the relay's amplitude: the gain comes from the harmonics, with a remark."""
     process = TransferFunction([1.0], [1, 3, 3, 1])

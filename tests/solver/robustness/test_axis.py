@@ -221,3 +221,19 @@ def test_the_worst_phase_far_out_is_met_though_few_digits_tell_it() -> None:
     w_I = drawn.uncertainty.weight.num[0] / drawn.uncertainty.weight.den[0]
     supremum = (w_I * gain + 1 / drawn.performance.max_peak) / (1 - gain)
     assert found.peaks.robust_performance.value == pytest.approx(supremum, rel=1e-6)
+
+
+def test_no_peak_is_made_of_rounding_where_integrators_cancel() -> None:
+    """Four integrators that differ in dead time alone: towards zero their difference is lost."""
+    integrators = [
+        [TransferFunction([1], [1, 0], dead_time) for dead_time in row] for row in ((1, 2), (3, 1))
+    ]
+    plant, loops = MatrixPlant(integrators), [Controller(0.1, 10)] * 2
+    performance = Performance(tau_p=20)
+    found = analyse(plant, Uncertainty.from_error(0.1, 0.5), performance, loops)
+    assert found.peaks is not None
+    assert found.guarantee is not None
+    assert found.guarantee.status is GuaranteeStatus.OPEN
+    # The weak direction: gain 3/2, so |w_P S| -> (1/(2 tau_P s)) s/(0.01 * 1.5) = 1/0.6.
+    assert found.peaks.nominal_performance.value == pytest.approx(1 / 0.6, rel=1e-3)
+    assert 1 / 0.6 < found.peaks.robust_performance.value < 3

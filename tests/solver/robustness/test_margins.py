@@ -247,3 +247,32 @@ def test_a_resonance_of_the_other_loops_is_not_missed(near: float, coupling: flo
     for factor, stable in ((1 - 1e-6, True), (1 + 1e-6, False)):
         gain = factor * found.gain_increase
         assert is_stable(plant, [scaled(loops[0], gain), loops[1]]) == stable
+
+
+def test_unstable_loops_say_how_far_to_reduce_each_gain() -> None:
+    """20/(s + 1)^3 without reset is stable below 8: factor 0.4; the loop beside it has none."""
+    lag = TransferFunction([1], [1, 3, 3, 1])
+    none, other = TransferFunction([0], [1]), TransferFunction([1], [1, 1])
+    plant = MatrixPlant([[lag, none], [none, other]])
+    loops = [Controller(20, None), Controller(1, 1)]
+    first, second = loop_margins(plant, loops)
+    assert first.alone is None
+    assert first.alone_factor == pytest.approx(0.4, rel=2e-3)
+    assert first.together_factor == pytest.approx(0.4, rel=2e-3)
+    assert second.alone is not None
+    assert second.alone_factor is None
+    assert second.together_factor is None
+
+
+def test_two_loops_unstable_together_have_a_factor_each() -> None:
+    """Stable just below each factor and unstable just above, the other loop as it is."""
+    plant = first_order(2, 1, 100, 0.9, 10)
+    loops = [Controller(8, 100), Controller(9, 50)]
+    assert not is_stable(plant, loops)
+    for unit, row in enumerate(loop_margins(plant, loops)):
+        assert row.together is None
+        assert row.together_factor is not None
+        for factor, stable in ((0.998, True), (1.003, False)):
+            changed = list(loops)
+            changed[unit] = scaled(loops[unit], factor * row.together_factor)
+            assert is_stable(plant, changed) is stable

@@ -132,3 +132,10 @@ def test_every_end_of_unusual_loops_is_one(seed: int) -> None:
             if error is not None:
                 assert is_stable(changed(1 + error), drawn.loops)
                 assert not is_stable(changed(1 + 1.03 * error + 2e-4 * side), drawn.loops)
+
+
+def test_a_tolerance_far_below_one_per_cent_is_told() -> None:
+    """a = 0.9999999: the differences turn round at a = 1, 1e-7 away."""
+    plant = first_order(2, 1, 100, 0.9999999)
+    found = tolerances(plant, [Controller(1, 100)] * 2)["interaction"]
+    assert found.stability[1] == pytest.approx(1e-7, rel=0.1)
