@@ -292,6 +292,25 @@ def examples(
 
 
 @app.command()
+def figure(
+    name: Annotated[
+        str | None, typer.Argument(help="Which one, as slh-7; without it they are listed.")
+    ] = None,
+    *,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output", "-o", metavar="FILE", help="Draw it: .html, or .svg, .png, .pdf, .webp."
+        ),
+    ] = None,
+) -> None:
+    """Compute a figure of the published sources, its numbers beside those stated there."""
+    from service.cli.gallery import draw_figure  # noqa: PLC0415 - heavy
+
+    raise typer.Exit(draw_figure(name, output))
+
+
+@app.command()
 def schema(
     command: Annotated[str, typer.Argument(metavar="COMMAND", help="tune, robustness, ...")],
 ) -> None:

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Cycle", "RelayOutcome", "Theory", "relay_experiment"]
 
+_CURVE = 400  # points of the Nyquist curve
 _RANGE = 2000.0  # ratio of the longest half period looked at to the shortest
 # Below and above the cycle's frequency, where the process is looked at for an ultimate point.
 _BELOW, _ABOVE = 30.0, 1e4
@@ -83,8 +84,8 @@ class Cycle:
     settings: UltimateSettings | None
 
 
-@dataclass(frozen=True)
-class Theory:
+@dataclass(frozen=True, eq=False)
+class Theory(ByValue):
     """What is known of the experiment without simulation.
 
     Attributes
@@ -98,6 +99,12 @@ class Theory:
     mcavoy : McAvoy or None
         The loop among equal ones; None without an ultimate point of the loop alone, without a
         complete pairing, for one loop or above 10.
+    omega : (k,)
+        Frequencies, rad per time unit, over the half periods looked at.
+    response : (k,) complex
+        The process that the relay sees, with the sign of the relay: the Nyquist curve.
+    describing_level : float
+        Imaginary part of -1/N(a), -pi eps/(4 d): the line that the curve crosses.
 
     """
 
@@ -105,6 +112,9 @@ class Theory:
     described: Ultimate | None
     ultimate: Ultimate | None
     mcavoy: McAvoy | None
+    omega: NDArray[np.float64]
+    response: NDArray[np.complex128]
+    describing_level: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -288,11 +298,15 @@ def _theory(experiment: RelayExperiment, loop: RelayLoop) -> Theory:
     sign = float(np.sign(relay.amplitude))
     response = _response(loop, sign)
     offset = np.pi * relay.hysteresis / (4 * abs(relay.amplitude))
+    omega = np.geomspace(*band, _CURVE)
     return Theory(
         solutions=periodic_solutions(loop, relay, shortest, longest),
         described=ultimate_point(response, *band, offset),
         ultimate=ultimate_point(response, *band),
         mcavoy=_among_equals(experiment, sign, band),
+        omega=omega,
+        response=response(omega),
+        describing_level=-float(offset),
     )
 
 

@@ -37,6 +37,7 @@ _FEW_HARMONICS = 25  # enough to see where the sign changes
 _INSTANTS = 400  # at which the output of a candidate is looked at
 _MOST_TRIED = 25  # changes of sign, the slowest; a dead time makes infinitely many
 _MOST_GROWTH = 23.0  # logarithm of the growth of a state in a half period: 1e10
+WAVEFORM = 101
 _MOST_LOOKED = 5000  # samples of a half period looked at
 _MOST_SAMPLED = 100  # sampled solutions beside one continuous one
 
@@ -59,6 +60,9 @@ class PeriodicSolution:
     eigenvalues : tuple of complex, or None
         Of W, largest first; for a sampled relay of e^{Ah}, since there a small change of the
         state moves no switching. None with dead time.
+    waveform : tuple of float
+        y over the half period after the switching to -d, `WAVEFORM` points at equal distances, its
+        ends included.
 
     """
 
@@ -66,6 +70,7 @@ class PeriodicSolution:
     slope: float | None
     lowest: float
     eigenvalues: tuple[complex, ...] | None
+    waveform: tuple[float, ...] = ()
 
     @property
     def exists(self) -> bool:
@@ -254,18 +259,25 @@ def _solution(loop: RelayLoop, relay: Relay, sign: float, half_period: float) ->
     d = abs(relay.amplitude)
     shares = np.arange(_INSTANTS) / _INSTANTS
     lowest = _lowest(sign * d * loop.waveform(half_period, shares), relay)
+    waveform = _waveform(loop, sign * d, half_period)
     if loop.has_dead_time:
         step = np.array([-1e-4, 0.0])
         before = sign * d * loop.waveform(half_period, 1 + step)
         # y is odd from one half period to the next: this is the slope at the switching to -d.
         slope = -float(before[1] - before[0]) / (1e-4 * half_period)
-        return PeriodicSolution(half_period, slope, lowest, None)
+        return PeriodicSolution(half_period, slope, lowest, None, waveform)
     a = loop.start(half_period)
     v = loop.A @ a + loop.B
     rise = float(loop.C @ v)
     Phi = loop.sampled(np.array([half_period]))[0][0]
     W = (np.eye(a.size) - np.outer(v, loop.C) / rise) @ Phi
-    return PeriodicSolution(half_period, sign * d * rise, lowest, _sorted_eigenvalues(W))
+    eigenvalues = _sorted_eigenvalues(W)
+    return PeriodicSolution(half_period, sign * d * rise, lowest, eigenvalues, waveform)
+
+
+def _waveform(loop: RelayLoop, amplitude: float, half_period: float) -> tuple[float, ...]:
+    shares = np.linspace(0.0, 1.0, WAVEFORM)
+    return tuple((amplitude * loop.waveform(half_period, shares)).tolist())
 
 
 def _lowest(output: NDArray[np.float64], relay: Relay) -> float:
@@ -296,7 +308,8 @@ def _sampled_solutions(
         if not loop.has_dead_time:
             Phi = loop.sampled(np.array([count * period]))[0][0]
             eigenvalues = _sorted_eigenvalues(Phi)
-        found.append(PeriodicSolution(count * period, None, lowest, eigenvalues))
+        waveform = _waveform(loop, sign * d, count * period)
+        found.append(PeriodicSolution(count * period, None, lowest, eigenvalues, waveform))
     return found
 
 

@@ -80,7 +80,7 @@ def test_units_that_titles_cannot_hold_are_refused(
         ("robustness", ROBUSTNESS, ["mu"]),
         ("interaction", INTERACTION, ["rga", "rga_frequency"]),
         ("step-responses", {**STEPS, "duration": 120.0, "samples": 61}, ["step_response"]),
-        ("relay-experiments", RELAY, ["relay"]),
+        ("relay-experiments", RELAY, ["relay", "nyquist"]),
         ("decouplings", DECOUPLING, ["decoupled"]),
         ("parallel-drives", DRIVES, ["drives"]),
         ("identifications", IDENTIFICATION, ["record_1", "errors"]),

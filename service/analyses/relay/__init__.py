@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from service.analyses.relay.drawn import DrawnRelayExperiment
 from service.analyses.relay.request import EXAMPLE, RelayExperimentRequest
 from service.analyses.relay.result import RelayExperimentResult
@@ -24,18 +26,26 @@ def compute(request: RelayExperimentRequest) -> dict[str, Any]:
     outcome = relay_experiment(request.build())
     document: dict[str, Any] = encode(outcome)
     document["theory"]["solutions"] = [
-        {**encode(solution), "exists": solution.exists, "stable": solution.stable}
+        {
+            **encode(solution),
+            "exists": solution.exists,
+            "stable": solution.stable,
+            "waveform_time": encode(np.linspace(0.0, solution.half_period, len(solution.waveform))),
+        }
         for solution in outcome.theory.solutions
     ]
     return document
 
 
 def draw(result: DrawnRelayExperiment, unit: str) -> dict[str, Any]:
-    """Return the outputs and inputs."""
-    from service.analyses.relay.figure import relay
+    """Return the outputs and inputs, and the Nyquist curve."""
+    from service.analyses.relay.figure import nyquist, relay
     from service.figures.document import figures_to_json
 
-    return figures_to_json({"relay": relay(result, unit)})
+    drawn = {"relay": relay(result, unit)}
+    if not result.theory.response:
+        return figures_to_json(drawn, {"nyquist": "the result has no Nyquist curve"})
+    return figures_to_json(drawn | {"nyquist": nyquist(result.theory)})
 
 
 ANALYSIS = Analysis(

@@ -6,9 +6,29 @@ from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
-from service.schemas.drawn import MAX_TRACES, Drawn, Series, Traces, Units, require_length
+from service.schemas.complex import Complex
+from service.schemas.drawn import (
+    MAX_POINTS,
+    MAX_TRACES,
+    Drawn,
+    Series,
+    Traces,
+    Units,
+    require_length,
+)
 
-__all__ = ["DrawnRelayExperiment"]
+__all__ = ["DrawnRelayExperiment", "DrawnRelayTheory"]
+
+
+class DrawnRelayTheory(Drawn):
+    """The Nyquist curve and the describing function of the relay."""
+
+    response: Annotated[list[Complex], Field(max_length=MAX_POINTS)] = Field(
+        default=[], description="Nyquist curve.", examples=[[{"re": -0.05, "im": -0.01}]]
+    )
+    describing_level: float | None = Field(
+        default=None, description="Imaginary part of -1/N(a).", examples=[-0.00785]
+    )
 
 
 class DrawnRelayExperiment(Drawn):
@@ -21,6 +41,9 @@ class DrawnRelayExperiment(Drawn):
     outputs: Traces = Field(description="Outputs.", examples=[[[0.0, 0.1], [0.0, 0.0]]])
     inputs: Traces = Field(description="Inputs.", examples=[[[1.0, -1.0], [0.0, 0.0]]])
     switchings: Series = Field(description="Times of the relay's switchings.", examples=[[0.33]])
+    theory: DrawnRelayTheory = Field(
+        default=DrawnRelayTheory(), description="What theory says.", examples=[{}]
+    )
 
     @model_validator(mode="after")
     def _check_lengths(self) -> Self:

@@ -1,16 +1,18 @@
-"""Figure of a relay experiment."""
+"""Figures of a relay experiment: its signals, the Nyquist curve with the describing function."""
 
 from __future__ import annotations
 
 import plotly.graph_objects as go
 
-from service.analyses.relay.drawn import DrawnRelayExperiment
+from service.analyses.relay.drawn import DrawnRelayExperiment, DrawnRelayTheory
 from service.figures.panels import Panels
 from service.figures.responses import INPUT, OUTPUT
 from service.figures.style import line, time_title
 from service.wording import TIME_UNIT, units_text
 
-__all__ = ["relay"]
+__all__ = ["nyquist", "relay"]
+
+_BESIDE = 1.5  # times the farthest crossing: what is shown at first
 
 
 def relay(result: DrawnRelayExperiment, unit: str = TIME_UNIT) -> go.Figure:
@@ -29,4 +31,35 @@ def relay(result: DrawnRelayExperiment, unit: str = TIME_UNIT) -> go.Figure:
     panels.shared_x(time_title(unit))
     panels.y(1, OUTPUT)
     panels.y(2, INPUT)
+    return panels.figure()
+
+
+def nyquist(theory: DrawnRelayTheory) -> go.Figure:
+    """Return the Nyquist curve near its crossings, and the describing function.
+
+    The form of Johansson (1993), fig. 5.
+    """
+    panels = Panels(
+        "Nyquist curve and describing function",
+        "The curve of the process that the relay sees. It crosses the real axis at the ultimate "
+        "point, and the line of -1/N(a) where a relay with this hysteresis oscillates.",
+    )
+    real = [value.re for value in theory.response]
+    imaginary = [value.im for value in theory.response]
+    level = theory.describing_level or 0.0
+    panels.curve(real, imaginary, "process", line(0))
+    panels.level(0.0, "-1/N, no hysteresis")
+    if level:
+        panels.level(level, "-1/N")
+    points = [
+        (x, y) for x, y in zip(real, imaginary, strict=True) if x is not None and y is not None
+    ]
+    crossings = [
+        abs(x)
+        for (x, after), (_, before) in zip(points[1:], points, strict=False)
+        if x < 0 and (before - level) * (after - level) <= 0
+    ]
+    size = _BESIDE * max(crossings, default=max((abs(x) for x, _ in points), default=1))
+    panels.x(1, "real part (output/input)", range=[-size, size / 2])
+    panels.y(1, "imaginary part<br>(output/input)", range=[-size, size / 2])
     return panels.figure()

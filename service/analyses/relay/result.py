@@ -143,6 +143,12 @@ class PeriodicSolution(BaseModel):
         description="Whether it exists and is locally stable; null: not known with dead time.",
         examples=[True],
     )
+    waveform_time: list[float] = Field(
+        default=[], description="Times over the half period, from a switching on.", examples=[[0.0]]
+    )
+    waveform: list[float] = Field(
+        default=[], description="The output at these times.", examples=[[0.01]]
+    )
 
 
 class McAvoy(BaseModel):
@@ -177,6 +183,22 @@ class RelayTheory(BaseModel):
     mcavoy: McAvoy | None = Field(
         description="The loop among equal ones; null: pairing incomplete, or no such point.",
         examples=[None],
+    )
+    omega: list[float] = Field(
+        default=[],
+        description="Frequencies of the Nyquist curve, rad per time unit.",
+        examples=[[1.0]],
+    )
+    response: list[Complex] = Field(
+        default=[],
+        description="Nyquist curve of the process that the relay sees.",
+        examples=[[{"re": -0.05, "im": -0.01}]],
+    )
+    describing_level: float | None = Field(
+        default=None,
+        description="Imaginary part of -1/N(a), -pi eps/(4 d): where the curve crosses that line "
+        "the describing function predicts the oscillation.",
+        examples=[-0.00785],
     )
 
 
