@@ -42,12 +42,13 @@ class StubEngine:
 
     async def run(
         self,
+        resource: str,
         request: str,
         time_limit: float,
         on_progress: Callable[[float, float | None], None],
     ) -> Outcome:
         """Return a result."""
-        del request, time_limit, on_progress
+        del resource, request, time_limit, on_progress
         await asyncio.sleep(0)
         return Outcome(JobStatus.SUCCEEDED, RESULT, best=1.0)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from pydantic import BaseModel
 
@@ -12,8 +12,14 @@ from service.effort import Effort
 from service.printing import Part
 from service.schemas.drawn import Drawn
 from service.schemas.fields import AnalysisRequest
+from service.schemas.jobs import JobState
 
-__all__ = ["Analysis", "Figures", "always", "compute"]
+if TYPE_CHECKING:
+    from solver.tuning.record import Progress
+
+OnProgress = Callable[["Progress"], bool]
+
+__all__ = ["Analysis", "Figures", "LongWork", "OnProgress", "always", "compute"]
 
 _Request = TypeVar("_Request", bound=AnalysisRequest)
 _Result = TypeVar("_Result", bound=BaseModel)
@@ -54,8 +60,26 @@ def _never(request: AnalysisRequest) -> bool:
 
 
 @dataclass(frozen=True, kw_only=True)
+class LongWork(Generic[_Request]):
+    """How an analysis is computed over HTTP that takes longer than a request may wait: as a job.
+
+    Parameters
+    ----------
+    model : type
+        Model of the job.
+    compute : callable
+        As `Analysis.compute`, with `on_progress`: called often with how far it is. What it raises
+        ends the computation; True says that no better result is wanted.
+
+    """
+
+    model: type[JobState]
+    compute: Callable[[_Request, OnProgress], dict[str, Any]]
+
+
+@dataclass(frozen=True, kw_only=True)
 class Analysis(Generic[_Request, _Result]):
-    """An analysis whose result comes with the response to its request.
+    """An analysis.
 
     The name of its module is that of its command.
 
@@ -86,6 +110,8 @@ class Analysis(Generic[_Request, _Result]):
     effort : callable or None
         From what a request builds to what computing it costs, where that can be more than a
         request may take.
+    job : LongWork or None
+        How it is computed as a job; None: its result comes with the response to its request.
     immediate : callable
         From request to whether it is computed by the process that reads it: arithmetic on a few
         numbers, which should not wait behind others.
@@ -104,6 +130,7 @@ class Analysis(Generic[_Request, _Result]):
     figures: Figures[Any] | None = None
     fails: Callable[[_Result], bool] | None = None
     effort: Callable[[Any], Effort | None] | None = None
+    job: LongWork[_Request] | None = None
     immediate: Callable[[_Request], bool] = _never
 
     @property

@@ -23,10 +23,11 @@ from service.problems import MEDIA_TYPE, Problem
 from service.schemas import TuningRequest, TuningResult
 from service.schemas.batches import Batch, BatchList
 from service.schemas.fields import AnalysisRequest
-from service.schemas.jobs import Job, JobProgress
+from service.schemas.jobs import Job, JobProgress, JobState
 
 __all__ = ["BatchItem", "Client", "JobEndedError", "ServiceError", "ServiceUnreachableError"]
 
+_WAIT = {"Prefer": "wait=30"}  # most jobs that are analyses end within that
 _SILENCE = 60.0  # seconds without an event; the service sends a sign of life every 15
 _PATIENCE = 60.0  # seconds in which a service that went away may come back
 _RETRY = 0.5
@@ -65,14 +66,14 @@ class JobEndedError(Exception):
 
     Parameters
     ----------
-    job : Job
+    job : JobState
         The job, with its status and error.
 
     """
 
-    def __init__(self, job: Job) -> None:
+    def __init__(self, job: JobState) -> None:
         reason = "" if job.error is None else f": {job.error.detail}"
-        super().__init__(f"tuning {job.id} {job.status.replace('_', ' ')}{reason}")
+        super().__init__(f"job {job.id} {job.status.replace('_', ' ')}{reason}")
         self.job = job
 
 
@@ -172,13 +173,17 @@ class Client:
             The service went away and did not come back within a minute.
 
         """
+        return Job.model_validate_json(self._ended(f"/v1/tunings/{job_id}", on_progress))
+
+    def _ended(self, path: str, on_progress: OnProgress | None) -> str:
+        """Return the job at `path` as JSON once it has ended."""
         recovery = _Recovery()
         while True:
             with recovery:
-                for event, data in _parse(self._lines(f"/v1/tunings/{job_id}/events")):
+                for event, data in _parse(self._lines(f"{path}/events")):
                     recovery.succeeded()
                     if event == "done":
-                        return Job.model_validate_json(data)
+                        return data
                     if on_progress is not None:
                         on_progress(_Event.model_validate_json(data).progress)
             time.sleep(_RETRY)
@@ -289,12 +294,21 @@ class Client:
 
         Raises
         ------
-        ServiceError, ServiceUnreachableError
+        ServiceError, ServiceUnreachableError, JobEndedError
             See there.
 
         """
-        response = self._send("POST", analysis.path, _document(request))
-        return analysis.result.model_validate_json(response.content)
+        response = self._send("POST", analysis.path, _document(request), _WAIT)
+        if analysis.job is None:
+            return analysis.result.model_validate_json(response.content)
+        job = analysis.job.model.model_validate_json(response.content)
+        if job.finished_at is None:
+            content = self._ended(f"{analysis.path}/{job.id}", None)
+            job = analysis.job.model.model_validate_json(content)
+        result: _Result | None = getattr(job, "result", None)
+        if result is None:
+            raise JobEndedError(job)
+        return result
 
     if TYPE_CHECKING:  # the methods of the analyses are added below
 

@@ -7,11 +7,12 @@ made for the same demand.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, Literal
 
 from pydantic import ConfigDict, Field, JsonValue
 
-from service.analysis import Analysis, Figures
+from service.analysis import Analysis, Figures, LongWork, OnProgress
 from service.beyond import NAMES, alternatives_to_json
 from service.printing import Grid, Line, Part, peaks_grid, warning_lines
 from service.schemas.alternatives import Alternative, LowerBound
@@ -19,12 +20,14 @@ from service.schemas.controllers import Loop
 from service.schemas.drawn import Drawn, DrawnCurves
 from service.schemas.encoding import encode
 from service.schemas.fields import AnalysisRequest, ResultModel
+from service.schemas.jobs import JobState
 from service.schemas.peaks import CURVES_EXAMPLE, PEAK_EXAMPLE, Curves, Guarantee, Peaks
 from service.schemas.tunings import TuningRequest
 from service.wording import number
 
 __all__ = ["ANALYSIS", "LimitRequest", "LimitResult"]
 
+LOOPS_SHARE = 0.2  # of the time, roughly, that the single loops take
 EXAMPLE: dict[str, JsonValue] = {
     "plant": {
         "kind": "first_order",
@@ -144,6 +147,15 @@ class LimitResult(ResultModel):
     warnings: list[str] = Field(description="What to look at twice.", examples=[[]])
 
 
+class LimitJob(JobState):
+    """A job that looks for the limit."""
+
+    request: LimitRequest = Field(description="The request, with all defaults.", examples=[EXAMPLE])
+    result: LimitResult | None = Field(
+        description="The limit, once the job has succeeded.", examples=[None]
+    )
+
+
 class DrawnLimit(Drawn):
     """Curves and peaks of the multivariable controller; null without one."""
 
@@ -151,16 +163,25 @@ class DrawnLimit(Drawn):
     curves: DrawnCurves | None = Field(description="Upper bounds of mu.", examples=[None])
 
 
-def compute(request: LimitRequest) -> dict[str, Any]:
+def compute(request: LimitRequest, on_progress: OnProgress | None = None) -> dict[str, Any]:
     """Return the limit and the tuned loops."""
     from solver.limits.comparison import compare_controllers
     from solver.model.state_space import StateSpace as System
+    from solver.tuning.record import Progress
     from solver.tuning.tuner import tune
 
+    def tuned(progress: Progress) -> bool:
+        progress = replace(progress, fraction=LOOPS_SHARE * progress.fraction)
+        return on_progress is not None and on_progress(progress)
+
+    def tick() -> None:
+        if on_progress is not None:
+            on_progress(Progress(LOOPS_SHARE, tuning.tau_p, 1, 1))
+
     specification = request.build()
-    tuning = tune(specification)
+    tuning = tune(specification, tuned)
     task = specification.arranged(tuning.pairing)
-    comparison = compare_controllers(task)
+    comparison = compare_controllers(task, tick=tick)
     limit = comparison.limit
     others = alternatives_to_json(comparison)
     peak = None if tuning.peaks is None else tuning.peaks.robust_performance.value
@@ -250,6 +271,7 @@ ANALYSIS = Analysis(
     request=LimitRequest,
     result=LimitResult,
     compute=compute,
+    job=LongWork(model=LimitJob, compute=compute),
     computes_with=("solver.limits.comparison", "solver.tuning.tuner"),
     table=table,
     figures=Figures(of="a limit", drawn=DrawnLimit, draw=draw),

@@ -14,7 +14,7 @@ from service.batch.request_lines import Item
 from service.configuration import Configuration
 from service.jobs import encryption
 from service.jobs.engine import Engine, EngineLostError, WorkerLostError
-from service.jobs.records import JobStatus, Outcome
+from service.jobs.records import TUNINGS, JobStatus, Outcome
 from service.problems import UnavailableError, describe
 
 __all__ = ["NoWorkersError", "Run"]
@@ -127,7 +127,7 @@ class Run:
         lost = 0
         while True:
             try:
-                outcome = await engine.run(item.request, item.time_limit, _ignore)
+                outcome = await engine.run(TUNINGS, item.request, item.time_limit, _ignore)
             except WorkerLostError:
                 lost += 1
                 if lost < max_attempts:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from typing import Any
 
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, generate_latest
 
@@ -43,7 +44,7 @@ class RequestMetrics:
         self._durations = Histogram(
             "mutune_job_seconds",
             "Time from the start of a job to its end.",
-            ("objective", "units"),
+            ("resource", "objective", "units"),
             buckets=_DURATION,
             registry=self.registry,
         )
@@ -55,14 +56,12 @@ class RequestMetrics:
     def observe_job(self, ended: Ended) -> None:
         """Note a job that ended."""
         request = json.loads(ended.claim.request)
-        plant = request["plant"]
-        units = plant["n"] if "n" in plant else len(plant["elements"])
-        bound = next((bound for bound in _UNITS if units <= bound), None)
-        label = "more" if bound is None else f"up to {bound}"
+        label = _units(request.get("plant"))
         error = ended.outcome.error
         reason = "" if error is None else json.loads(error)["type"]
         seconds = ended.finished_at - ended.claim.started_at
-        self._durations.labels(request["objective"], label).observe(seconds)
+        objective = request.get("objective", "")
+        self._durations.labels(ended.claim.resource, objective, label).observe(seconds)
         self._ended.labels(ended.outcome.status, reason).inc()
 
     def render(self, counts: dict[JobStatus, int], workers: int, refused: int) -> bytes:
@@ -72,3 +71,12 @@ class RequestMetrics:
         self._workers.set(workers)
         self._refused.set(refused)
         return generate_latest(self.registry)
+
+
+def _units(plant: dict[str, Any] | None) -> str:
+    """Return in words how many units a plant has."""
+    if plant is None:
+        return ""
+    units = plant["n"] if "n" in plant else len(plant["elements"])
+    bound = next((bound for bound in _UNITS if units <= bound), None)
+    return "more" if bound is None else f"up to {bound}"

@@ -101,12 +101,11 @@ async def _post(client: httpx.AsyncClient, due: Due, key_file: Path) -> bool:
     import httpx  # noqa: PLC0415 - as above
 
     now = int(time.time())
-    path = "tunings" if due.kind == "tuning" else "batches"
     body = json.dumps(
         {
             "type": f"{due.kind}.ended",
             "timestamp": datetime.fromtimestamp(now, UTC).isoformat(),
-            "data": {"id": due.id, "status": due.status, "link": f"/v1/{path}/{due.id}"},
+            "data": {"id": due.id, "status": due.status, "link": f"/v1/{due.resource}/{due.id}"},
         }
     ).encode()
     notice = f"{due.kind}_{due.id}"

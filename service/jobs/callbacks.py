@@ -19,15 +19,16 @@ __all__ = ["WAITS", "Callbacks", "Due"]
 # Seconds from one try to the next; after the last one nobody tries again. A day in all.
 WAITS = (5.0, 30.0, 120.0, 600.0, 3600.0, 10_800.0, 28_800.0, 43_200.0)
 
+_CALLBACK = (CallbackRow.sequence, CallbackRow.url, CallbackRow.tries)
 _JOBS = (
-    select(CallbackRow.sequence, CallbackRow.url, CallbackRow.tries, JobRow.id, JobRow.status)
+    select(*_CALLBACK, JobRow.resource, JobRow.id, JobRow.status)
     .join(JobRow, CallbackRow.job_id == JobRow.id)
     .where(CallbackRow.due <= bindparam("now"), JobRow.status.in_(FINAL))
     .order_by(CallbackRow.due)
     .limit(bindparam("most", type_=Integer))
 )
 _BATCHES = (
-    select(CallbackRow.sequence, CallbackRow.url, CallbackRow.tries, BatchRow.id)
+    select(*_CALLBACK, BatchRow.id)
     .join(BatchRow, CallbackRow.batch_id == BatchRow.id)
     .where(CallbackRow.due <= bindparam("now"))
     .where(
@@ -48,9 +49,14 @@ class Due:
     sequence: int
     url: str
     tries: int
-    kind: str
+    resource: str
     id: str
     status: str
+
+    @property
+    def kind(self) -> str:
+        """One of its resource."""
+        return "batch" if self.resource == "batches" else self.resource.removesuffix("s")
 
     @property
     def is_last(self) -> bool:
@@ -75,9 +81,9 @@ class Callbacks:
         """Return whom to tell now; each is due again later, should this process not tell it."""
         with self._transactions.reading() as connection:
             values = {"now": now, "most": most}
-            found = [Due(*row[:3], "tuning", *row[3:]) for row in connection.execute(_JOBS, values)]
+            found = [Due(*row) for row in connection.execute(_JOBS, values)]
             found += [
-                Due(*row[:3], "batch", row[3], "finished")
+                Due(*row[:3], "batches", row[3], "finished")
                 for row in connection.execute(_BATCHES, values)
             ]
         if not found:

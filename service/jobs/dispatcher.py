@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 from service.jobs.engine import Engine, EngineLostError, WorkerLostError
 from service.jobs.queue import Queue
-from service.jobs.records import Dispatch, Ended, JobStatus, Outcome, Priority, TakenJob
+from service.jobs.records import TUNINGS, Dispatch, Ended, JobStatus, Outcome, Priority, TakenJob
 from service.jobs.transactions import StoreUnavailableError
 from service.jobs.watch import Watcher
 from service.problems import WorkerDiedError, describe
@@ -43,8 +43,8 @@ class _RunningJob:
         return self.task is not None and bool(self.task.cancelling())
 
     def end(self) -> None:
-        """Stop because the caller wants no more; one of its own keeps the best so far."""
-        if self.claim.priority is Priority.INTERACTIVE:
+        """Stop because the caller wants no more; a tuning of its own keeps the best so far."""
+        if self.claim.priority is Priority.INTERACTIVE and self.claim.resource == TUNINGS:
             self.enough.set()
         else:
             self.stop()
@@ -163,7 +163,9 @@ class Dispatcher:
             self._progress[claim.id] = (fraction, best)
 
         try:
-            running = self._engine.run(claim.request, claim.time_limit, note, run.enough)
+            running = self._engine.run(
+                claim.resource, claim.request, claim.time_limit, note, run.enough
+            )
             self._end(claim, await running)
         except WorkerLostError:
             await self._after_loss(claim)

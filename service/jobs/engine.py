@@ -23,7 +23,7 @@ from distributed.comm import CommClosedError
 
 from service.jobs import encryption, processes
 from service.jobs.records import JobStatus, Outcome
-from service.jobs.work import TOPIC, TuningActor
+from service.jobs.work import TOPIC, SolvingActor
 from service.problems import TimeLimitError, describe
 from solver import __version__
 
@@ -38,7 +38,7 @@ _PLACING = 10.0  # seconds for a worker to take its actor
 _OVERTIME = 5.0  # seconds beyond its time limit after which a task counts as stuck
 
 _OVERDUE = json.dumps(
-    describe(TimeLimitError("The tuning did not end within its time limit; it was stopped."))
+    describe(TimeLimitError("The job did not end within its time limit; it was stopped."))
 )
 
 logger = logging.getLogger(__name__)
@@ -62,8 +62,10 @@ class _Placed:
 
 @dataclass
 class _Call:
-    """A call on its way: its name, who hears of its progress, what ends it, the call itself."""
+    """A call on its way: what is asked, who hears of its progress, what ends it, and itself."""
 
+    resource: str
+    request: str
     on_progress: Callable[[float, float | None], None]
     enough: asyncio.Event
     name: str = field(default_factory=lambda: uuid.uuid4().hex)
@@ -71,9 +73,9 @@ class _Call:
 
 
 class Engine:
-    """Runs tunings on Dask workers.
+    """Runs jobs on Dask workers.
 
-    Each worker that it admits gets a `TuningActor`, which the engine calls with one tuning at a
+    Each worker that it admits gets a `SolvingActor`, which the engine calls with one job at a
     time: whoever kills a worker is known, and takes nobody along.
 
     Parameters
@@ -141,17 +143,18 @@ class Engine:
 
     async def run(
         self,
+        resource: str,
         request: str,
         time_limit: float,
         on_progress: Callable[[float, float | None], None],
         enough: asyncio.Event | None = None,
     ) -> Outcome:
-        """Run one tuning to its end on an idle worker.
+        """Run one job to its end on an idle worker.
 
         Once `enough` is set it ends with the best so far; as CANCELLED, without a result where
         nothing was found or where that takes too long.
 
-        Cancelling this coroutine stops the tuning: it returns from that within `_GRACE` seconds,
+        Cancelling this coroutine stops the job: it returns from that within `_GRACE` seconds,
         and a worker that does not answer by then is restarted.
 
         Raises
@@ -164,23 +167,16 @@ class Engine:
         if self._client is None or not idle:
             raise EngineLostError
         worker = min(idle)
-        call = self._busy[worker] = _Call(on_progress, enough or asyncio.Event())
+        call = self._busy[worker] = _Call(resource, request, on_progress, enough or asyncio.Event())
         try:
-            return await self._run_on(self._client, worker, call, request, time_limit)
+            return await self._run_on(self._client, worker, call, time_limit)
         finally:
             del self._busy[worker]
             self._on_idle()
 
-    async def _run_on(
-        self,
-        client: Client,
-        worker: str,
-        call: _Call,
-        request: str,
-        time_limit: float,
-    ) -> Outcome:
+    async def _run_on(self, client: Client, worker: str, call: _Call, time_limit: float) -> Outcome:
         actor = self._solvers[worker].actor
-        call.solving = asyncio.ensure_future(_solve(actor, call.name, request))
+        call.solving = asyncio.ensure_future(_solve(actor, call))
         enough = asyncio.ensure_future(call.enough.wait())
         try:
             limit = time_limit + _OVERTIME
@@ -320,7 +316,7 @@ class Engine:
 async def _place(client: Client, worker: str) -> _Placed | None:
     """Put a solver on a worker; None where it does not take one, and a later look tries again."""
     key = f"solver-{uuid.uuid4().hex}"
-    future = client.submit(TuningActor, key, key=key, pure=False, workers=[worker], actor=True)
+    future = client.submit(SolvingActor, key, key=key, pure=False, workers=[worker], actor=True)
     try:
         async with asyncio.timeout(_PLACING):
             with client.as_current():  # an actor speaks through the client that is current
@@ -329,8 +325,8 @@ async def _place(client: Client, worker: str) -> _Placed | None:
         return None
 
 
-async def _solve(actor: Actor, call: str, request: str) -> Outcome:
-    outcome: Outcome = await actor.solve(call, request)
+async def _solve(actor: Actor, call: _Call) -> Outcome:
+    outcome: Outcome = await actor.solve(call.name, call.resource, call.request)
     return outcome
 
 

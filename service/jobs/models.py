@@ -46,7 +46,7 @@ class BatchRow(Base):
 
 
 class JobRow(Base):
-    """A tuning; times are seconds since 1970, `sequence` orders the jobs."""
+    """A job; times are seconds since 1970, `sequence` orders the jobs."""
 
     __tablename__ = "jobs"
     __table_args__ = (
@@ -62,6 +62,7 @@ class JobRow(Base):
     sequence: Mapped[int] = mapped_column(_Sequence, primary_key=True, autoincrement=True)
     id: Mapped[str] = mapped_column(String(32), unique=True)
     owner: Mapped[str] = mapped_column(String(64))
+    resource: Mapped[str] = mapped_column(String(32))
     batch_id: Mapped[str | None] = mapped_column(
         ForeignKey("batches.id", ondelete="CASCADE"), index=True
     )

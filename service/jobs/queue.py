@@ -66,7 +66,13 @@ _NEXT = (
 )
 _NEXT_TO_BEGIN = _NEXT.with_for_update(skip_locked=True)
 _TAKEN = select(
-    JobRow.id, JobRow.request, JobRow.time_limit, JobRow.attempts, JobRow.priority, JobRow.owner
+    JobRow.id,
+    JobRow.request,
+    JobRow.time_limit,
+    JobRow.attempts,
+    JobRow.priority,
+    JobRow.owner,
+    JobRow.resource,
 ).where(JobRow.id.in_(bindparam("jobs", expanding=True)))
 _START = (
     update(JobRow)
@@ -287,7 +293,7 @@ def _claim(connection: Connection, ids: list[str], now: float) -> list[TakenJob]
     return [
         TakenJob(
             row.id, row.request, row.time_limit, row.attempts, Priority(row.priority), now,
-            row.owner,
+            row.owner, row.resource,
         )
         for row in (rows[job] for job in ids)
     ]  # fmt: skip

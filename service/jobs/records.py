@@ -9,6 +9,7 @@ from typing import Any
 
 __all__ = [
     "FINAL",
+    "TUNINGS",
     "UNFINISHED",
     "Batch",
     "BatchItem",
@@ -47,6 +48,7 @@ class Priority(IntEnum):
     BATCH = 10
 
 
+TUNINGS = "tunings"  # the resource of most jobs
 FINAL = frozenset({JobStatus.SUCCEEDED, JobStatus.FAILED, JobStatus.CANCELLED, JobStatus.TIMED_OUT})
 UNFINISHED = frozenset(JobStatus) - FINAL
 
@@ -69,6 +71,8 @@ class NewJob:
         What of it comes back with the result.
     error : str or None
         What is wrong with it (JSON text of a problem): the job has failed before it began.
+    resource : str
+        What it is a job of, as in its URL path.
 
     """
 
@@ -78,6 +82,7 @@ class NewJob:
     reuse: bool = True
     identity: Mapping[str, Any] = field(default_factory=dict)
     error: str | None = None
+    resource: str = TUNINGS
 
 
 @dataclass(frozen=True)
@@ -103,6 +108,7 @@ class Job:
     error: str | None
     result: str | None
     batch: str | None = None
+    resource: str = TUNINGS
 
 
 @dataclass(frozen=True)
@@ -116,6 +122,7 @@ class TakenJob:
     priority: Priority
     started_at: float
     owner: str = ""
+    resource: str = TUNINGS
 
 
 @dataclass(frozen=True)

@@ -32,6 +32,7 @@ from sqlalchemy.exc import IntegrityError
 from service.jobs.models import BatchItemRow, BatchRow, CallbackRow, JobRow
 from service.jobs.records import (
     FINAL,
+    TUNINGS,
     UNFINISHED,
     Batch,
     BatchItem,
@@ -107,16 +108,20 @@ class Store:
                 if _take_known(connection, owner, [(job, row)]):
                     connection.execute(_INSERT, row)
                     _call_back(connection, callback, job_id=row["id"])
-                    found = connection.execute(_JOB, {"job": row["id"], "caller": owner})
+                    values = {"job": row["id"], "caller": owner, "kind": job.resource}
+                    found = connection.execute(_JOB, values)
                     return _job(found.one())
                 sequence = connection.execute(_INSERT, row).scalar_one()
                 _call_back(connection, callback, job_id=row["id"])
         except IntegrityError:
-            return self.get(owner, self._accepted_before(JobRow, owner, row))
+            return self.get(owner, self._accepted_before(JobRow, owner, row), job.resource)
         # As it was written, and nobody has changed it yet: no need to read it back.
         waiting = Snapshot(JobStatus.QUEUED, 0.0, None)
         created = row["created_at"]
-        return Job(sequence, row["id"], waiting, created, None, None, job.request, None, None)
+        return Job(
+            sequence, row["id"], waiting, created, None, None, job.request, None, None,
+            resource=job.resource,
+        )  # fmt: skip
 
     def submit_batch(
         self,
@@ -236,17 +241,18 @@ class Store:
         with self._transactions.reading() as connection:
             return list(connection.scalars(_REQUESTS, {"batch": batch_id}))
 
-    def get(self, owner: str, job_id: str) -> Job:
+    def get(self, owner: str, job_id: str, resource: str = TUNINGS) -> Job:
         """Return a job.
 
         Raises
         ------
         KeyError
-            There is none, or it is another owner's.
+            There is none, or it is another owner's, or one of another resource.
 
         """
         with self._transactions.reading() as connection:
-            row = connection.execute(_JOB, {"job": job_id, "caller": owner}).one_or_none()
+            values = {"job": job_id, "caller": owner, "kind": resource}
+            row = connection.execute(_JOB, values).one_or_none()
         if row is None:
             raise KeyError(job_id)
         return _job(row)
@@ -271,8 +277,8 @@ class Store:
         status: JobStatus | None = None,
         batch: str | None = None,
     ) -> list[Job]:
-        """Return jobs with a sequence below `below`, newest first, without results."""
-        query = _SUMMARIES.where(JobRow.owner == owner)
+        """Return tunings with a sequence below `below`, newest first, without results."""
+        query = _SUMMARIES.where(JobRow.owner == owner, JobRow.resource == TUNINGS)
         if batch is not None:
             query = query.where(JobRow.batch_id == batch)
         if below is not None:
@@ -283,7 +289,7 @@ class Store:
             rows = connection.execute(query.order_by(JobRow.sequence.desc()).limit(limit)).all()
         return [_job(row) for row in rows]
 
-    def cancel(self, owner: str, job_id: str) -> Job:
+    def cancel(self, owner: str, job_id: str, resource: str = TUNINGS) -> Job:
         """Cancel a queued job, ask for the end of a running one, leave a finished one.
 
         Raises
@@ -292,10 +298,10 @@ class Store:
             There is none, or it is another owner's.
 
         """
-        self._cancel(JobRow.id == job_id, JobRow.owner == owner)
-        return self.get(owner, job_id)
+        self._cancel(JobRow.id == job_id, JobRow.owner == owner, JobRow.resource == resource)
+        return self.get(owner, job_id, resource)
 
-    def forget(self, owner: str, job_id: str) -> Job:
+    def forget(self, owner: str, job_id: str, resource: str = TUNINGS) -> Job:
         """Delete a finished job for ever, and return it as it was; others stay as they are.
 
         Raises
@@ -306,7 +312,7 @@ class Store:
             It has not ended, or belongs to a batch, which goes as a whole when it expires.
 
         """
-        job = self.get(owner, job_id)
+        job = self.get(owner, job_id, resource)
         with self._transactions.writing() as connection:
             gone = connection.execute(
                 delete(JobRow)
@@ -352,9 +358,11 @@ def _digest(text: str) -> str:
 def _new_row(
     owner: str, job: NewJob, priority: Priority, batch_id: object = None
 ) -> dict[str, Any]:
+    of_tunings = job.resource == TUNINGS
     return {
         "id": uuid.uuid4().hex,
         "owner": owner,
+        "resource": job.resource,
         "idempotency_key": None,
         "priority": int(priority),
         "status": JobStatus.QUEUED,
@@ -363,7 +371,8 @@ def _new_row(
         "fraction": 0.0,
         "created_at": time.time(),
         "batch_id": batch_id,
-        "digest": _digest(job.request),
+        # Tunings have a digest from before there were other resources.
+        "digest": _digest(job.request if of_tunings else f"{job.resource} {job.request}"),
         "computation": None if job.computation is None else _digest(job.computation),
         "time_limit": job.time_limit,
         "request": job.request,
@@ -432,10 +441,13 @@ _COLUMNS = (
     JobRow.request,
     JobRow.error,
     JobRow.batch_id,
+    JobRow.resource,
 )
 # Statements are built once: building costs several times as much as executing.
 _JOB: Select[*tuple[Any, ...]] = select(*_COLUMNS, JobRow.result).where(
-    JobRow.id == bindparam("job"), JobRow.owner == bindparam("caller")
+    JobRow.id == bindparam("job"),
+    JobRow.owner == bindparam("caller"),
+    JobRow.resource == bindparam("kind"),
 )
 _SUMMARIES: Select[*tuple[Any, ...]] = select(*_COLUMNS, null().label("result"))
 _SNAPSHOTS = select(JobRow.id, JobRow.status, JobRow.fraction, JobRow.best).where(
@@ -486,4 +498,5 @@ def _job(row: Row[*tuple[Any, ...]]) -> Job:
         row.error,
         row.result,
         row.batch_id,
+        row.resource,
     )

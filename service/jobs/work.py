@@ -1,4 +1,4 @@
-"""What runs inside a worker process: one tuning, from JSON text to JSON text."""
+"""What runs inside a worker process: one job, from JSON text to JSON text."""
 
 from __future__ import annotations
 
@@ -13,13 +13,14 @@ from distributed import Worker, get_worker
 from pydantic_core import to_json
 
 import service.schemas
+from service import registry
 from service.beyond import with_limit
-from service.jobs.records import JobStatus, Outcome
+from service.jobs.records import TUNINGS, JobStatus, Outcome
 from service.problems import NumbersError, describe
 from solver.model.errors import Cancelled, InvalidInputError
 from solver.tuning.record import Progress, Status, Tuning
 
-__all__ = ["TOPIC", "TuningActor"]
+__all__ = ["TOPIC", "SolvingActor"]
 
 TOPIC = "mutune"
 _REPORT_EVERY = 0.25  # seconds: each report wakes three event loops
@@ -27,8 +28,8 @@ _REPORT_EVERY = 0.25  # seconds: each report wakes three event loops
 logger = logging.getLogger(__name__)
 
 
-class TuningActor:
-    """A Dask actor: lives in a worker process and computes there, one tuning at a time.
+class SolvingActor:
+    """A Dask actor: lives in a worker process and computes there, one job at a time.
 
     The engine calls it directly, without the scheduler in between, which would cost several
     times as much as the call.
@@ -46,21 +47,22 @@ class TuningActor:
         self._unwanted: set[str] = set()
         self._enough: set[str] = set()
 
-    def solve(self, call: str, request: str) -> Outcome:
-        """Tune; tell the progress under `TOPIC`; stop when the call is not wanted any more.
+    def solve(self, call: str, resource: str, request: str) -> Outcome:
+        """Compute; tell the progress under `TOPIC`; stop when the call is not wanted any more.
 
         Parameters
         ----------
         call : str
             Name of this call.
+        resource : str
+            What it is a job of.
         request : str
-            JSON text of a `TuningRequest`.
+            JSON text of a request of that.
 
         """
         try:
-            return _outcome(
-                request, _Reporter(call, self._worker, self._wants, self._enough.__contains__)
-            )
+            report = _Reporter(call, self._worker, self._wants, self._enough.__contains__)
+            return _outcome(resource, request, report)
         finally:
             self._unwanted.discard(call)
             self._enough.discard(call)
@@ -118,14 +120,11 @@ class _Reporter:
         return enough
 
 
-def _outcome(request: str, report: _Reporter) -> Outcome:
-    from solver.tuning import tuner  # noqa: PLC0415 - compiled kernels, where tunings run alone
-
+def _outcome(resource: str, request: str, report: _Reporter) -> Outcome:
     try:
-        asked = service.schemas.parse_tuning_request(request)
-        tuning = tuner.tune(asked.build(), report)
-        document = with_limit(asked, service.schemas.tuning_to_json(tuning), report.check)
-        enough = report.check()
+        if resource == TUNINGS:
+            return _tuned(request, report)
+        return _analysed(resource, request, report)
     except Cancelled:
         return Outcome(JobStatus.CANCELLED)
     except InvalidInputError as error:
@@ -134,8 +133,17 @@ def _outcome(request: str, report: _Reporter) -> Outcome:
         logger.exception("numbers beyond double precision")
         return Outcome(JobStatus.FAILED, error=json.dumps(describe(NumbersError())))
     except Exception as error:
-        logger.exception("a tuning failed")
+        logger.exception("a job failed")
         return Outcome(JobStatus.FAILED, error=json.dumps(describe(error)))
+
+
+def _tuned(request: str, report: _Reporter) -> Outcome:
+    from solver.tuning import tuner  # noqa: PLC0415 - compiled kernels, where tunings run alone
+
+    asked = service.schemas.parse_tuning_request(request)
+    tuning = tuner.tune(asked.build(), report)
+    document = with_limit(asked, service.schemas.tuning_to_json(tuning), report.check)
+    enough = report.check()
     # Pydantic's writer takes a tenth of the time of the standard library's.
     result = to_json(document | asked.identity()).decode()
     status = JobStatus.SUCCEEDED
@@ -144,6 +152,16 @@ def _outcome(request: str, report: _Reporter) -> Outcome:
     if status is JobStatus.CANCELLED and not tuning.loops:
         return Outcome(status)
     return Outcome(status, result, best=_reached(tuning))
+
+
+def _analysed(resource: str, request: str, report: _Reporter) -> Outcome:
+    analysis = next(one for one in registry.every() if one.resource == resource)
+    if analysis.job is None:
+        message = f"{resource} are not computed as jobs"
+        raise ValueError(message)
+    asked = service.schemas.parse(analysis.request, request.encode())
+    document = analysis.job.compute(asked, report) | asked.identity()
+    return Outcome(JobStatus.SUCCEEDED, to_json(document).decode())
 
 
 def _reached(tuning: Tuning) -> float | None:

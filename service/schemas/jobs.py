@@ -8,14 +8,15 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, Field, JsonValue
 
+from service.jobs.records import TUNINGS, Snapshot
 from service.jobs.records import Job as JobRecord
-from service.jobs.records import Snapshot
 from service.problems import Problem
 from service.schemas.tunings import EXAMPLE, TuningRequest, TuningResult
 
 __all__ = [
     "Job",
     "JobList",
+    "JobState",
     "JobSummary",
     "Timestamp",
     "job_to_json",
@@ -49,8 +50,8 @@ class Links(BaseModel):
     )
 
 
-class JobSummary(BaseModel):
-    """A tuning job without its result."""
+class JobState(BaseModel):
+    """A job without its request and its result."""
 
     id: str = Field(description="Identifier.", examples=[_ID])
     status: Literal["queued", "running", "succeeded", "failed", "cancelled", "timed_out"] = Field(
@@ -60,21 +61,26 @@ class JobSummary(BaseModel):
     progress: JobProgress = Field(
         description="How far it is.", examples=[{"fraction": 1.0, "best": 18.4}]
     )
+    error: Problem | None = Field(description="Why it failed.", examples=[None])
+    created_at: Timestamp = Field(description="When it was accepted (UTC).", examples=[_TIME])
+    started_at: Timestamp | None = Field(description="When it was last started.", examples=[_TIME])
+    finished_at: Timestamp | None = Field(description="When it ended.", examples=[_TIME])
+    links: Links = Field(
+        description="Where to go from here.",
+        examples=[{"self": f"/v1/tunings/{_ID}", "events": f"/v1/tunings/{_ID}/events"}],
+    )
+
+
+class JobSummary(JobState):
+    """A tuning job without its result."""
+
     request: TuningRequest | dict[str, JsonValue] = Field(
         union_mode="left_to_right",
         description="The request, with all defaults; as it came, where it is at fault.",
         examples=[EXAMPLE],
     )
-    error: Problem | None = Field(description="Why it failed.", examples=[None])
-    created_at: Timestamp = Field(description="When it was accepted (UTC).", examples=[_TIME])
-    started_at: Timestamp | None = Field(description="When it was last started.", examples=[_TIME])
-    finished_at: Timestamp | None = Field(description="When it ended.", examples=[_TIME])
     batch: str | None = Field(
         default=None, description="The batch that it belongs to.", examples=[None]
-    )
-    links: Links = Field(
-        description="Where to go from here.",
-        examples=[{"self": f"/v1/tunings/{_ID}", "events": f"/v1/tunings/{_ID}/events"}],
     )
 
 
@@ -97,8 +103,8 @@ class JobList(BaseModel):
 
 
 def summary_to_dict(job: JobRecord) -> dict[str, Any]:
-    """Return the job as the JSON object that `JobSummary` describes."""
-    path = f"/v1/tunings/{job.id}"
+    """Return the job as the JSON object that `JobState` and the request beside it describe."""
+    path = f"/v1/{job.resource}/{job.id}"
     return {
         "id": job.id,
         "status": job.snapshot.status,
@@ -108,9 +114,8 @@ def summary_to_dict(job: JobRecord) -> dict[str, Any]:
         "created_at": timestamp(job.created_at),
         "started_at": timestamp(job.started_at),
         "finished_at": timestamp(job.finished_at),
-        "batch": job.batch,
         "links": {"self": path, "events": f"{path}/events"},
-    }
+    } | ({"batch": job.batch} if job.resource == TUNINGS else {})
 
 
 def job_to_json(job: JobRecord) -> str:

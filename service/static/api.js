@@ -38,7 +38,7 @@ function setLost(now) {
 
 /**
  * Fetch, again and again while the service cannot be reached: every request of this page may
- * safely be sent twice (tunings carry an Idempotency-Key, analyses change nothing).
+ * safely be sent twice (jobs carry an Idempotency-Key, analyses change nothing).
  * @param {string} method @param {string} path @param {Options} options @returns {Promise<Response>}
  */
 async function send(method, path, { body, headers = {}, signal }) {
@@ -83,11 +83,11 @@ export const once = () => ({
 /**
  * Follow a job until it ends. It is asked for, again and again: a stream of events would hold one
  * of the six connections that a browser has for all its tabs.
- * @param {string} id @param {(job: any) => void} onChange @param {AbortSignal} signal
+ * @param {string} resource @param {string} id @param {(job: any) => void} onChange @param {AbortSignal} signal
  */
-export async function follow(id, onChange, signal) {
+export async function follow(resource, id, onChange, signal) {
   for (;;) {
-    const job = await request("GET", `/v1/tunings/${id}`, { signal });
+    const job = await request("GET", `/v1/${resource}/${id}`, { signal });
     onChange(job);
     if (FINAL.has(job.status)) return job;
     await pause(EVERY);

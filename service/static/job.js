@@ -41,7 +41,7 @@ export async function jobView({ main, signal, keep }, id, query) {
 
   const meter = progress(job, () => request("DELETE", `/v1/tunings/${id}`, { signal }));
   put(body, h("div", { class: "cards" }, meter.node, card("Plant", plantFormula(job.request.plant))));
-  keep(follow(id, (now) => (put(chip, chipOf(now)), meter.update(now)), signal).then(ended));
+  keep(follow("tunings", id, (now) => (put(chip, chipOf(now)), meter.update(now)), signal).then(ended));
 }
 
 /** @param {any} job @param {() => Promise<any>} cancel */

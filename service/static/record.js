@@ -1,6 +1,6 @@
 /** From a record: plant data as CSV are drawn, marked and fitted, and the plant goes on to tuning. */
 
-import { Problem, request } from "./api.js";
+import { follow, once, Problem, request } from "./api.js";
 import { answered } from "./answer.js";
 import { chart } from "./chart.js";
 import { columnsOf, roleOf, timeOf } from "./csv.js";
@@ -99,7 +99,10 @@ function fitted(name, columns, signal, go) {
     send.disabled = true;
     put(outcome, h("p", { class: "busy" }, "Fitting …"));
     try {
-      const found = await request("POST", "/v1/identifications", { body, signal });
+      const started = await request("POST", "/v1/identifications", { body, signal, headers: { ...once(), Prefer: "wait=30" } });
+      const job = await follow("identifications", started.id, () => {}, signal);
+      if (!job.result) throw new Problem(422, job.error ?? { title: "The identification was cancelled" });
+      const found = job.result;
       const on = button("Tune with this model", () => handOn(name, found, others, go), "main");
       put(outcome, h("p", { class: "buttons" }, on), answered(operation("/v1/identifications"), found));
       outcome.scrollIntoView({ block: "start" });

@@ -12,13 +12,13 @@ from solver.identification.findings import FittedElement, fitted_elements
 from solver.identification.problem import (
     PlantStructure,
     Start,
-    check_excitation,
     limits,
     matrix_rows,
     parallel_row,
     starts,
 )
-from solver.identification.record import Record, same_signals
+from solver.identification.record import Record
+from solver.identification.record_checks import check_excitation, check_records
 from solver.identification.row import Nuisance
 from solver.identification.row_fit import RowFit, fit_row, refit_row
 from solver.identification.selection import Allowed
@@ -181,16 +181,12 @@ def identify(
     if seed < 0:
         message = "must not be negative"
         raise InvalidInputError(message, "/seed")
-    inputs, outputs = same_signals([*records, *validation])
-    if len(inputs) != len(outputs):
-        message = f"{len(inputs)} inputs and {len(outputs)} outputs: the plant must be square"
-        raise InvalidInputError(message, "/records/0/outputs")
+    inputs, outputs = check_records(records, validation)
     if structure is PlantStructure.MATRIX and len(inputs) > MAX_MATRIX_SIZE:
         message = (
             f"a matrix plant has at most {MAX_MATRIX_SIZE} inputs; identical units go as parallel"
         )
         raise InvalidInputError(message, "/structure")
-    check_excitation(records)
     begins = starts(records)
     box = limits(records)
     job = _Job(tuple(records), tuple(begins), drift)

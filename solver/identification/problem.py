@@ -11,7 +11,6 @@ from solver.identification.elements import ElementKind
 from solver.identification.fitting import TimeLimits, fit
 from solver.identification.row import Row, Segment
 from solver.identification.start import scan
-from solver.model.errors import InvalidInputError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,15 +22,11 @@ if TYPE_CHECKING:
 __all__ = [
     "PlantStructure",
     "Start",
-    "check_excitation",
     "limits",
     "matrix_rows",
     "parallel_row",
     "starts",
 ]
-
-# Two inputs whose moves agree to this part of their size cannot be told apart by any fit.
-TOGETHER = 1e-6
 
 
 class PlantStructure(StrEnum):
@@ -60,48 +55,6 @@ def limits(records: Sequence[Record]) -> TimeLimits:
     span = max(record.span for record in records)
     sample = min(record.sampling_period for record in records)
     return TimeLimits(sample / 4, span / 2, span / 10, sample)
-
-
-def check_excitation(records: Sequence[Record]) -> None:
-    """Refuse inputs that rest, or that move together only.
-
-    Raises
-    ------
-    InvalidInputError
-        With the advice which input to move.
-
-    """
-    names = tuple(records[0].inputs)
-    moves = []
-    for name in names:
-        parts = []
-        for record in records:
-            values = record.inputs[name]
-            parts.append(values - values.mean())
-        moves.append(np.concatenate(parts))
-    for name, values in zip(names, moves, strict=True):
-        largest = max(float(np.max(np.abs(r.inputs[name]))) for r in records)
-        if not np.max(np.abs(values)) > 1e-9 * largest:
-            message = (
-                f"input {name!r} is constant in every record, so its effect cannot be seen: "
-                "add a record in which it is moved, or leave it out of the inputs"
-            )
-            raise InvalidInputError(message, f"/records/0/inputs/{name}")
-    unit = np.stack([values / np.linalg.norm(values) for values in moves], axis=1)
-    _, s, vt = np.linalg.svd(unit, full_matrices=False)
-    if s[-1] < TOGETHER * s[0]:
-        involved = [name for name, share in zip(names, vt[-1], strict=True) if abs(share) > 0.1]
-        message = (
-            f"the inputs {', '.join(involved)} always move together, so their effects cannot be "
-            "told apart: add a record in which one of them moves alone"
-        )
-        raise InvalidInputError(message, f"/records/0/inputs/{involved[0]}")
-    for index, record in enumerate(records):
-        for name, values in record.outputs.items():
-            seen = record.observed[tuple(record.outputs).index(name)]
-            if not np.ptp(values[seen]) > 0:
-                message = f"output {name!r} is constant in {record.name}: is the right column read?"
-                raise InvalidInputError(message, f"/records/{index}/outputs/{name}")
 
 
 def matrix_rows(records: Sequence[Record], begins: Sequence[Start]) -> list[Row]:

@@ -74,7 +74,7 @@ def test_cancelled_job_ends(mutune: Client) -> None:
     ended = mutune.wait(job.id)
     assert ended.status == "cancelled"
     assert ended == mutune.get(job.id)
-    assert str(JobEndedError(ended)) == f"tuning {job.id} cancelled"
+    assert str(JobEndedError(ended)) == f"job {job.id} cancelled"
     assert mutune.forget(job.id) == ended
     with pytest.raises(ServiceError, match="There is no tuning"):
         mutune.get(job.id)

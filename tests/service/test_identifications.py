@@ -9,12 +9,14 @@ from samples import altered
 from typer.testing import CliRunner
 
 from service.analyses.identify import EXAMPLE, IdentificationResult
+from service.analyses.identify.models import IdentificationJob
 from service.cli.commands import app
 from service.schemas import TuningRequest
 from service.schemas.parsing import parse
 
 PATH = "/v1/identifications"
 EXAMPLES = Path(__file__).parents[2] / "examples"
+WAIT = {"Prefer": "wait=60"}
 HEATERS = (
     "--time", "Time", "--inputs", "Heater 1,Heater 2", "--outputs", "Temperature 1,Temperature 2",
 )  # fmt: skip
@@ -27,9 +29,13 @@ def mutune(*arguments):
 
 def test_plant_and_uncertainty_are_as_a_tuning_takes_them(client: httpx.Client) -> None:
     """The valve's gain of 2, lag of 5 and dead time of 1, each in its interval."""
-    response = client.post(PATH, json=EXAMPLE)
+    response = client.post(PATH, json=EXAMPLE, headers=WAIT)
     assert response.status_code == 200
-    result = IdentificationResult.model_validate(response.json())
+    job = IdentificationJob.model_validate(response.json())
+    assert job.links.self == f"{PATH}/{job.id}"
+    assert response.headers["Location"] == job.links.self
+    result = job.result
+    assert result is not None
     for one, truth in zip(result.elements[0].estimates, (2, 5, 1), strict=True):
         assert one.low is not None
         assert one.high is not None

@@ -11,16 +11,16 @@ from typing import Any
 from service.analyses.identify.models import (
     EXAMPLE,
     DrawnIdentification,
+    IdentificationJob,
     IdentificationRequest,
     IdentificationResult,
     IdentificationTask,
 )
 from service.analyses.identify.table import table
-from service.analysis import Analysis, Figures
+from service.analysis import Analysis, Figures, LongWork, OnProgress
 from service.effort import Effort, of_readings
 from service.schemas.encoding import encode
 from service.schemas.transfer_functions import function_document, plant_document
-from solver.model.errors import InvalidInputError
 
 __all__ = [
     "ANALYSIS",
@@ -33,18 +33,12 @@ __all__ = [
 DRAWN_POINTS = 2000
 
 
-def compute(request: IdentificationRequest) -> dict[str, Any]:
-    """Return the plant that the request's records tell."""
-    places = [index for index, record in enumerate(request.records) if record.use == "fit"]
-    try:
-        return identified(request.build())
-    except InvalidInputError as error:
-        # The solver counts the records that it fits.
-        head, _, rest = error.field.removeprefix("/records/").partition("/")
-        if error.field.startswith("/records/") and head.isdigit() and int(head) < len(places):
-            field = f"/records/{places[int(head)]}/{rest}"
-            raise type(error)(error.message, field.rstrip("/")) from None
-        raise
+def compute(
+    request: IdentificationRequest, on_progress: OnProgress | None = None
+) -> dict[str, Any]:
+    """Return the plant that the request's records tell; nothing is told on the way."""
+    del on_progress
+    return identified(request.build())
 
 
 def identified(task: IdentificationTask) -> dict[str, Any]:
@@ -130,5 +124,6 @@ ANALYSIS = Analysis(
     computes_with=("solver.identification.identify",),
     table=table,
     effort=_effort,
+    job=LongWork(model=IdentificationJob, compute=compute),
     figures=Figures(of="an identification", drawn=DrawnIdentification, draw=draw),
 )

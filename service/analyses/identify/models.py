@@ -9,12 +9,15 @@ from pydantic import ConfigDict, Field, JsonValue, model_validator
 
 from service.schemas.drawn import Drawn
 from service.schemas.fields import AnalysisRequest, RequestModel, ResultModel, below
+from service.schemas.jobs import JobState
 from solver.identification.record import MAX_SAMPLES, MAX_SIGNALS, Record
+from solver.identification.record_checks import check_records
 from solver.model.errors import InvalidInputError
 
 __all__ = [
     "EXAMPLE",
     "DrawnIdentification",
+    "IdentificationJob",
     "IdentificationRequest",
     "IdentificationResult",
     "IdentificationTask",
@@ -137,6 +140,7 @@ class IdentificationRequest(AnalysisRequest):
         if not used:
             message = "no record is left for the fit: all are kept for validation"
             raise InvalidInputError(message, "/records/0/use")
+        self._check(used, kept)
         return IdentificationTask(
             tuple(used),
             tuple(kept),
@@ -145,6 +149,19 @@ class IdentificationRequest(AnalysisRequest):
             {"auto": None, "yes": True, "no": False}[self.integrating],
             self.drift,
         )
+
+    def _check(self, used: list[Record], kept: list[Record]) -> None:
+        """Refuse records that can tell no plant."""
+        uses = [record.use for record in self.records]
+        places = [
+            index for use in ("fit", "validate") for index in range(len(uses)) if uses[index] == use
+        ]
+        try:
+            check_records(used, kept)
+        except InvalidInputError as error:
+            # The solver counts the records that it fits, then the others.
+            _, _, place, rest = error.field.split("/", 3)
+            raise type(error)(error.message, f"/records/{places[int(place)]}/{rest}") from None
 
 
 class EstimateResult(ResultModel):
@@ -283,6 +300,17 @@ class DrawnErrorCurve(Drawn):
     source: str = Field(description="What errs.", examples=["statistical error"])
     size: Annotated[list[float | None], Field(max_length=MAX_POINTS)] = Field(
         description="Largest singular value of the relative input error.", examples=[[0.1]]
+    )
+
+
+class IdentificationJob(JobState):
+    """A job that identifies a plant."""
+
+    request: IdentificationRequest = Field(
+        description="The request, with all defaults.", examples=[EXAMPLE]
+    )
+    result: IdentificationResult | None = Field(
+        description="The plant and its uncertainty, once the job has succeeded.", examples=[None]
     )
 
 

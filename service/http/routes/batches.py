@@ -13,14 +13,14 @@ from service.http import bodies
 from service.http.access import owner
 from service.http.json_stream import ArrayReader
 from service.http.routes.common import BODY_PROBLEMS, described, json_response, problems
-from service.http.routes.tunings import (
+from service.http.routes.jobs import (
     CallbackUrl,
     IdempotencyKey,
     accepting,
     check_callback,
     may_reuse,
-    new_job,
 )
+from service.http.routes.tunings import new_job
 from service.jobs.records import Batch as BatchRecord
 from service.jobs.records import NewJob
 from service.problems import BodyTooLargeError, NotFoundError, describe

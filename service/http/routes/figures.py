@@ -12,7 +12,7 @@ from service import drawing
 from service.analysis import Figures
 from service.http.routes.analyses import add_figures
 from service.http.routes.common import FIGURES, Unit, answer, computed, described, problems
-from service.http.routes.tunings import JobId, find_job
+from service.http.routes.jobs import JobId, find
 from service.jobs.records import Job
 from service.problems import ConflictError
 from service.schemas.sheet import SheetResult
@@ -89,7 +89,7 @@ async def finished(request: Request, job_id: str) -> tuple[Job, str]:
         There is no such job, or it has no result.
 
     """
-    job = await find_job(request, job_id)
+    job = await find(request, job_id)
     if job.result is None:
         message = f"The tuning is {job.snapshot.status.replace('_', ' ')} and has no result."
         raise ConflictError(message)
