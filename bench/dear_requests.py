@@ -80,16 +80,6 @@ def given(plant: Json, settings: list[Json], tau_p: float = 30.0, **more: object
     }
 
 
-def record(samples: int, signals: int) -> Json:
-    """Return a record of noise, of which nothing can be told in the end."""
-    rng = np.random.default_rng(0)
-    held = {f"u{j}": [float(i // (7 + j) % 2) for i in range(samples)] for j in range(signals)}
-    noise = {
-        f"y{j}": [round(float(v), 3) for v in rng.normal(size=samples)] for j in range(signals)
-    }
-    return {"time": [float(i) for i in range(samples)], "inputs": held, "outputs": noise}
-
-
 EQUAL = [{"gain": 0.05, "integral_time": 5.0}] * 10
 UNEQUAL = [{"gain": 0.05 + 1e-4 * i, "integral_time": 5.0 + 0.01 * i} for i in range(10)]
 STEPS = [{"kind": "setpoint", "unit": i % 20, "time": 0.9 * i, "size": 1.0} for i in range(1000)]
@@ -155,22 +145,6 @@ CASES: dict[str, tuple[str, Callable[[], Json]]] = {
     "controller forms, 58 different loops on a plant": (
         "controller-forms",
         lambda: given(units(58), loops(58, 58), **FORMS),
-    ),
-    "identification, 50,000 readings": (
-        "identifications",
-        lambda: {"records": [record(50_000, 1)]},
-    ),
-    "identification, 10 x 10, 5,000 readings": (
-        "identifications",
-        lambda: {"records": [record(5000, 10)]},
-    ),
-    "identification, 100 x 100, 400 readings": (
-        "identifications",
-        lambda: {"records": [record(400, 100)]},
-    ),
-    "limit, 6 x 6 of order 3": (
-        "limits",
-        lambda: {"plant": matrix(6, 3), "uncertainty": UNCERTAINTY},
     ),
 }
 

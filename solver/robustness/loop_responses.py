@@ -25,8 +25,9 @@ from solver.model.equality import ByValue
 from solver.model.errors import InvalidInputError
 from solver.model.frequencies import corners
 from solver.model.plants import Plant
-from solver.model.validation import MAX_FREQUENCIES, frequencies, instance, settle
+from solver.model.validation import instance
 from solver.robustness.bandwidth import singular_sensitivities
+from solver.robustness.loop_responses_query import LoopResponsesQuery
 from solver.robustness.margins import loop_transfer
 from solver.stability.closed_loop import is_stable
 
@@ -35,7 +36,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-__all__ = ["LoopResponses", "LoopResponsesQuery", "RationalFunction", "SeenLoop", "loop_responses"]
+__all__ = ["LoopResponses", "RationalFunction", "SeenLoop", "loop_responses"]
 
 MAX_SHOWN = 20  # different loops: each has five curves
 _POINTS = 300
@@ -50,34 +51,6 @@ class RationalFunction:
 
     num: tuple[float, ...]
     den: tuple[float, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class LoopResponsesQuery(ByValue):
-    """A plant and its loops.
-
-    Parameters
-    ----------
-    plant : Plant
-        Open-loop stable or integrating.
-    loops : tuple of Controller or None
-        One a unit; None: the loop is open.
-    omega : (k,) or None
-        Frequencies, rad per time unit, > 0; None: chosen from plant and loops.
-
-    """
-
-    plant: Plant
-    loops: tuple[Controller | None, ...]
-    omega: NDArray[np.float64] | None = None
-
-    def __post_init__(self) -> None:
-        instance(self.plant, Plant, "/plant")
-        if len(self.loops) != self.plant.n:
-            message = f"{len(self.loops)} loops for a plant of {self.plant.n} units"
-            raise InvalidInputError(message, "/loops")
-        if self.omega is not None:
-            settle(self, omega=frequencies(self.omega, most=MAX_FREQUENCIES))
 
 
 @dataclass(frozen=True, eq=False)

@@ -76,6 +76,37 @@ def test_faults_of_a_later_record_are_told_of_it(client: httpx.Client) -> None:
     assert error["pointer"] == "/records/1/inputs/valve"
 
 
+def test_job_is_found_at_its_own_resource_alone(client: httpx.Client) -> None:
+    """It is no tuning and no limit, and not in the list of tunings; ended, it can be deleted."""
+    job = client.post(PATH, json=EXAMPLE, headers=WAIT).json()
+    for other in ("tunings", "limits"):
+        assert client.get(f"/v1/{other}/{job['id']}").status_code == 404
+        assert client.delete(f"/v1/{other}/{job['id']}?forget=true").status_code == 404
+    listed = client.get("/v1/tunings").json()["items"]
+    assert job["id"] not in {each["id"] for each in listed}
+    assert client.get(f"{PATH}/{job['id']}").json() == job
+    assert "event: done" in client.get(f"{PATH}/{job['id']}/events").text
+    assert client.delete(f"{PATH}/{job['id']}?forget=true").json() == job
+    assert client.get(f"{PATH}/{job['id']}").status_code == 404
+
+
+def test_equal_request_of_another_kind_is_another_job(client: httpx.Client) -> None:
+    """A key that was used for a limit is not good for the tuning of the same request."""
+    plant = {"kind": "first_order", "n": 1, "gain": 1.0, "time_constant": 10.0, "interaction": 0.0}
+    body = {"plant": plant, "uncertainty": {"epsilon": 0.2, "theta": 1.0}}
+    headers = {"Idempotency-Key": "one key for two kinds"}
+    limit = client.post("/v1/limits", json=body, headers=headers)
+    assert limit.status_code == 202
+    assert client.post("/v1/limits", json=body, headers=headers).json()["id"] == limit.json()["id"]
+    assert client.post("/v1/tunings", json=body, headers=headers).status_code == 409
+    path = limit.json()["links"]["self"]
+    assert client.delete(path).status_code in {200, 202}
+    with httpx.Client(base_url=client.base_url, timeout=60) as patient:
+        events = patient.get(f"{path}/events").text
+    assert "event: done" in events
+    assert client.get(path).json()["status"] == "cancelled"
+
+
 def test_files_become_a_tuning_request(tmp_path: Path) -> None:
     """The file that is written can be sent as it stands; the other record is predicted."""
     target = tmp_path / "request.json"

@@ -24,7 +24,7 @@ from service.schemas.frequencies import Frequencies, ascending
 from service.schemas.plants import Plant
 from service.wording import number, units_text
 from solver.model.plants import MAX_UNITS
-from solver.robustness.loop_responses import LoopResponsesQuery
+from solver.robustness.loop_responses_query import LoopResponsesQuery
 
 __all__ = ["ANALYSIS", "LoopResponsesRequest", "LoopResponsesResult"]
 

@@ -94,7 +94,11 @@ def _add_job(analysis: Analysis[Any, Any], work: LongWork[Any]) -> None:
     ) -> Response:
         return await jobs.look(request, job_id, if_none_match, resource)
 
-    async def delete(request: Request, job_id: jobs.JobId, forget: jobs.Forget = False) -> Response:
+    async def delete(
+        request: Request,
+        job_id: jobs.JobId,
+        forget: jobs.Forget = False,  # noqa: FBT002 - FastAPI's form of a query parameter
+    ) -> Response:
         return await jobs.cancel(request, job_id, resource, forget=forget)
 
     async def follow(request: Request, job_id: jobs.JobId) -> Response:
@@ -131,7 +135,7 @@ def _add_job(analysis: Analysis[Any, Any], work: LongWork[Any]) -> None:
         status_code=202,
         tags=["analyses"],
         summary=f"Cancel a job: {one}",
-        description="Cancel the job; one that has ended stays as it is, or is deleted with `forget`.",
+        description="Cancel the job; one that has ended is deleted with `forget`, else left.",
         operation_id=f"delete_{name}",
         responses=jobs.stopped(work.model),
     )

@@ -130,7 +130,9 @@ async def get_tuning(
 
 @router.delete("/{job_id}", status_code=202, summary="Cancel a tuning", responses=jobs.stopped(Job))
 async def delete_tuning(
-    request: Request, job_id: jobs.JobId, forget: jobs.Forget = False
+    request: Request,
+    job_id: jobs.JobId,
+    forget: jobs.Forget = False,  # noqa: FBT002 - FastAPI's form of a parameter
 ) -> Response:
     """Cancel a job; it keeps the best so far, and one that has ended stays as it is.
 

@@ -9,7 +9,8 @@ from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError
 from solver.model.plants import MatrixPlant, ParallelPlant, first_order
 from solver.model.transfer_function import TransferFunction
-from solver.robustness.loop_responses import LoopResponsesQuery, loop_responses
+from solver.robustness.loop_responses import loop_responses
+from solver.robustness.loop_responses_query import LoopResponsesQuery
 
 LAG = TransferFunction([1], [1, 2, 1])
 EXAMPLE = MatrixPlant([[LAG, TransferFunction([2], [1, 2, 1])], [LAG, LAG]])
