@@ -34,6 +34,7 @@ from tests.solver.robustness.unusual_loops import dense_peak, draw, draw_any, un
 
 HERE = Path(__file__).parent
 RUNS = 5
+FINER = 200_000
 USUAL = Uncertainty.from_error(0.2, 1)
 PUBLISHED = (Controller(46.3, 101), Controller(22.8, 3.15))
 WOOD_BERRY = MatrixPlant(
@@ -99,6 +100,9 @@ def unusual(first, count):
         except UnsupportedPlantError:
             continue
         counted = unstable_count(drawn)
+        if counted is not None and stable != (counted == 0):
+            # Lightly damped loops may pass between the points of the independent count.
+            counted = unstable_count(drawn, FINER)
         found["stability not checked"] += counted is None
         found["other stability"] += counted is not None and stable != (counted == 0)
         if not stable:

@@ -84,7 +84,7 @@ class LoopMargins(ResultModel):
         default=None,
         description="Where the loops are unstable together: stable with the gain of this one "
         "times this factor, and below, the others as they are; null: none was found (of at most "
-        "8 different loops), or they are stable.",
+        "4 different loops), or they are stable.",
         examples=[None],
     )
 

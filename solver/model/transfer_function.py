@@ -248,9 +248,10 @@ def _without_origin_noise(den: tuple[float, ...]) -> tuple[tuple[float, ...], in
     a fast pole beyond doubt.
     """
     powers = [k for k, value in enumerate(reversed(den)) if value]
-    # At least one other pole, to be small beside.
-    if powers[0] > 0 or len(den) < 3 or not _is_small(den[-1], den):
+    if powers[0] > 0 or len(den) < 2 or not _is_small(den[-1], den):
         return den, 0
+    if len(den) == 2:  # no other pole to be slow beside: a slow lag, or else what is left of 0
+        return ((den[0], 0.0), 1) if den[0] * den[1] < 0 else (den, 0)
     logs = [math.log(abs(den[len(den) - 1 - k])) for k in powers]
     hull: list[int] = []
     for index in range(len(powers)):

@@ -15,8 +15,9 @@ if TYPE_CHECKING:
 
 __all__ = ["stable_gain_factor"]
 
-STEP = 0.5  # between the factors that are tried, down to
-LEAST = 2.0**-20  # this one
+STEP = 0.25  # between the factors that are tried, down to
+LEAST = 2.0**-20  # this one for all loops together, or
+LEAST_OF_ONE = 2.0**-10  # this one for some of them: the others' fault lies elsewhere then
 REFINED = 1e-3  # relative
 
 
@@ -32,6 +33,7 @@ def stable_gain_factor(
     makes them stable, as where a sign is wrong.
     """
     turned = set(range(plant.n) if units is None else units)
+    least = LEAST if len(turned) == plant.n else LEAST_OF_ONE
 
     def stable(factor: float) -> bool:
         return is_stable(
@@ -45,7 +47,7 @@ def stable_gain_factor(
     factor = STEP
     while not stable(factor):
         factor *= STEP
-        if factor < LEAST:
+        if factor < least:
             return None
     # Below it stability is checked on a few factors more: a conditionally stable loop loses it.
     if not all(stable(factor * STEP**power) for power in (1, 2, 4)):

@@ -180,3 +180,10 @@ def test_relative_gain_that_is_zero_but_for_rounding_is_zero() -> None:
     array = relative_gain_array(1.5 * np.eye(4) - 0.5)
     assert np.all(np.diag(array) == 0)
     np.testing.assert_allclose(array, (1 - np.eye(4)) / 3, atol=1e-12)
+
+
+def test_array_that_others_print() -> None:
+    """A 3 x 3 gain of arXiv:1805.10312, as the tests of ControlSystems.jl have it."""
+    printed = [[-2.47, -2.41, 5.88], [3.29, 0.94, -3.24], [0.18, 2.47, -1.65]]
+    found = relative_gain_array([[7, 4, 8], [7, 2, 5], [3, 8, 8]])
+    np.testing.assert_allclose(found, printed, atol=0.01)

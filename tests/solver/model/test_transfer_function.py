@@ -101,6 +101,8 @@ def test_leading_zeros_are_dropped(
         ([1, 1e6, 1], 0),
         ([1, 1e-12], 0),
         ([1e12, 1e-3], 0),
+        ([100, -1e-18], 1),  # no process, and no controller, runs away so slowly
+        ([100, 1e-18], 0),
     ],
 )
 def test_poles_within_rounding_of_zero_are_integrators(den: list[float], integrators: int) -> None:

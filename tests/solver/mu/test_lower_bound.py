@@ -129,3 +129,16 @@ def test_unusable_matrices_are_refused(N: NDArray[np.complex128]) -> None:
     with pytest.raises(InvalidInputError) as caught:
         lower_bound(N, BlockStructure((0, 1), 2), np.ones((1, 2)))
     assert caught.value.field == "/N"
+
+
+def test_four_blocks_may_have_a_bound_above_mu() -> None:
+    """Packard and Doyle (1993), section 9.2: the best scales prove 1, mu itself is 0.8723."""
+    alpha, beta = 3 + np.sqrt(3), np.sqrt(3) - 1
+    a, b, c, d = np.sqrt(2 / alpha), 1 / np.sqrt(alpha), 1 / np.sqrt(alpha), -np.sqrt(beta / alpha)
+    f = (1 + 1j) * np.sqrt(1 / (alpha * beta))
+    U = np.array([[a, 0], [b, b], [c, 1j * c], [d, f]])
+    V = np.array([[0, a], [b, -b], [c, -1j * c], [-1j * f, -d]])
+    N, structure = (U @ V.conj().T)[None], BlockStructure((0, 1, 2), 1)
+    above = upper_bound(N, structure)
+    assert above.mu[0] == pytest.approx(1, abs=1e-9)
+    assert lower_bound(N, structure, above.d).mu[0] == pytest.approx(0.8723, abs=1e-4)

@@ -13,8 +13,11 @@ from solver.model.errors import UnsupportedPlantError
 from solver.model.plants import MatrixPlant, ParallelPlant, first_order
 from solver.model.subsystems import subsystem
 from solver.model.transfer_function import TransferFunction
+from solver.model.weights import Performance, Uncertainty
+from solver.robustness.axis import BRACKET, proven_peaks
 from solver.robustness.margins import Margins, loop_margins, loop_transfer, margins
 from solver.stability.closed_loop import is_stable
+from tests.solver.robustness.unusual_loops import draw_any
 
 OMEGA = np.geomspace(1e-6, 1e6, 480)
 FAST, SLOW = Controller(46.3, 101), Controller(22.8, 3.15)
@@ -276,3 +279,21 @@ def test_two_loops_unstable_together_have_a_factor_each() -> None:
             changed = list(loops)
             changed[unit] = scaled(loops[unit], factor * row.together_factor)
             assert is_stable(plant, changed) is stable
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_peaks_of_sensitivities_are_those_that_a_proof_brackets(seed: int) -> None:
+    """Ms and Mt of single unusual loops: |w_P S| and |w_I T| with both weights 1, proven."""
+    drawn = draw_any(np.random.default_rng(seed))
+    plant, loops = subsystem(drawn.plant, drawn.loops, (0,))
+    (found,) = loop_margins(plant, loops)
+    if found.alone is None:
+        return
+    one = Performance(max_peak=1 + 1e-12, offset=1 - 1e-12, tau_p=drawn.performance.tau_p)
+    axis = proven_peaks(plant, Uncertainty(TransferFunction([1], [1])), one, loops)
+    for mine, proven, top in (
+        (found.alone.sensitivity, axis.proven[2], axis.peaks.nominal_performance),
+        (found.alone.complementary_sensitivity, axis.proven[1], axis.peaks.robust_stability),
+    ):
+        assert mine.value >= top.value * (1 - 1e-6)
+        assert mine.value <= top.value * (1 + BRACKET) or not proven
