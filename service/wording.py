@@ -44,15 +44,16 @@ def number(value: float | None, digits: int = 5) -> str:
     return f"{value:.{digits}g}" if math.isfinite(value) else f"{'-' * (value < 0)}∞"
 
 
-def headline(result: TuningResult, unit: str = TIME_UNIT) -> str:
-    """Return in one sentence what was found, or why nothing was."""
+def headline(result: TuningResult, unit: str | None = TIME_UNIT) -> str:
+    """Return in one sentence what was found, or why nothing was; None: the unit is put in later."""
+    rate, after = ("rad/time", "") if unit is None else (f"rad/{unit}", f" {unit}")
     if not result.loops:
-        where = f" (at ω = {number(result.omega)} rad/{unit})" if result.omega else ""
+        where = f" (at ω = {number(result.omega)} {rate})" if result.omega else ""
         return f"No settings: {result.reason or 'none were found'}{where}."
-    found = f"Closed-loop time constant τP = {number(result.tau_p)} {unit}"
+    found = f"Closed-loop time constant τP = {number(result.tau_p)}{after}"
     if result.objective == "mu" and result.peaks is not None:
         peak = result.peaks.robust_performance.value
-        found = f"Peak of μ = {number(peak)} at τP = {number(result.tau_p)} {unit}"
+        found = f"Peak of μ = {number(peak)} at τP = {number(result.tau_p)}{after}"
     ended = {"local": ", the best beside the given settings",
              "time_limit": ", the best up to the time limit"}.get(result.status, "")  # fmt: skip
     unmet = "The demand is not met. " if result.demand_met is False else ""

@@ -66,7 +66,7 @@ def compute(request: RetuneRequest) -> dict[str, Any]:
 
 def table(result: TuningResult) -> Sequence[Part]:
     """Return what was found, its settings and peaks."""
-    parts: list[Part] = [Line(headline(result), "strong" if result.loops else "alarm")]
+    parts: list[Part] = [Line(headline(result, None), "strong" if result.loops else "alarm")]
     rows = [
         (units_text(group), *map(number, _setting(result, group[0]))) for group in result.groups
     ]

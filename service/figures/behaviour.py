@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from service.figures.panels import Panels
 from service.figures.style import COLOURS, IDENTICAL, THIN, line, numbers, time_title
 from service.sheet.naming import instrument_of, loops_name
-from service.sheet.responses import Moves
+from service.sheet.responses import SHOWN, Moves
 from service.tuned import RequestedTuning
 from service.wording import number
+from solver.model.subsystems import interchangeable
 from solver.simulation.experiment import StepKind
 
 __all__ = ["behaviour_figures"]
@@ -39,11 +40,13 @@ def _figure(tuned: RequestedTuning, title: str, moved: Sequence[Moves]) -> go.Fi
     sizes = sorted({each.size for each in moved})
     steps = " or ".join(number(size, 3) for size in sizes)
     limited = any(each.limited for each in moved)
+    kinds = len(interchangeable(tuned.plant, tuned.loops))
     panels = Panels(
         title,
         f"Each loop stepped by {steps} on its own, all loops closed: its output above, its input "
         "below. Shaded: the range over plants of the uncertainty set that were tried."
-        + (" Thin: the input within half its span." if limited else ""),
+        + (" Thin: the input within half its span." if limited else "")
+        + (f" Shown are {SHOWN} of {kinds} unlike loops." if kinds > SHOWN else ""),
         rows=2,
         height=420,
     )

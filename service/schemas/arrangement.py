@@ -13,7 +13,7 @@ from solver.model.plants import MAX_UNITS
 
 __all__ = ["ArrangedRequest", "PairedInput", "Pairing", "PairingOrBest"]
 
-PairedInput = Annotated[int, Field(ge=0, lt=MAX_UNITS), WHOLE]
+PairedInput = Annotated[int, Field(ge=0, lt=MAX_UNITS, json_schema_extra={"x-index": True}), WHOLE]
 Pairing = Annotated[tuple[PairedInput, ...], Field(min_length=1, json_schema_extra={"x-unit": "1"})]
 
 

@@ -127,7 +127,7 @@ class Resolution(RequestModel):
         return solver.tuning.resolution.Resolution(self.digits, self.gain, self.time)
 
 
-UnitIndex = Annotated[int, Field(ge=0, lt=MAX_UNITS), WHOLE]
+UnitIndex = Annotated[int, Field(ge=0, lt=MAX_UNITS, json_schema_extra={"x-index": True}), WHOLE]
 GroupSize = Annotated[int, Field(ge=1, le=MAX_UNITS), WHOLE]
 
 

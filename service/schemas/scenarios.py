@@ -19,7 +19,9 @@ from solver.tuning.scenarios import LONGEST_NAME, MAX_SCENARIOS
 __all__ = ["MAX_SCENARIOS", "ScenarioOutcome", "Spread", "SpreadOutcome", "TuningScenario"]
 
 Count = Annotated[int, Field(ge=1, le=MAX_UNITS, json_schema_extra={"x-unit": "1"}), WHOLE]
-Unit = Annotated[int, Field(ge=0, lt=MAX_UNITS, json_schema_extra={"x-unit": "1"}), WHOLE]
+Unit = Annotated[
+    int, Field(ge=0, lt=MAX_UNITS, json_schema_extra={"x-unit": "1", "x-index": True}), WHOLE
+]
 
 
 class AnyInService(RequestModel):

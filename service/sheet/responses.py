@@ -41,7 +41,7 @@ __all__ = [
     "steps_of",
 ]
 
-SHOWN = 4  # kinds of loops; a figure of more is read by nobody
+SHOWN = 6  # kinds of loops; a figure of more is read by nobody
 _SHARE = 0.1  # of a span: the steps where spans are known
 _PROBES = (3.0, 12.0, 48.0, 192.0)  # closed-loop time constants within which loops settle
 _COARSE, _ENOUGH = 150, 0.99  # samples that a curve needs; a length that counts as the whole one

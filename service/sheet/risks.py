@@ -40,6 +40,7 @@ _NEAR = 0.995  # of the highest mu: frequencies that decide too
 _WORTH_IT = 2.0  # per cent, below which a plant does not feel the difference
 _OVERSHOOTS = 0.3  # of a set-point step: worth a word
 _PLENTY = 10.0  # times the demand's time constant in which a loop in service alone is looked at
+_TOLD = "Identical settings suffice"  # in advice, and here in the user's unit
 _DIGITS = (2, 3, 4, 5)
 _KEPT = 1.01  # of the peak of mu: what rounded settings may cost
 
@@ -79,7 +80,11 @@ def risks(
         *_settings(tuned),
         *_as_found(tuned),
         *_identical(tuned),
-        *(Said("note", "note", _sentence(text)) for text in tuned.result.advice),
+        *(
+            Said("note", "note", _sentence(text))
+            for text in tuned.result.advice
+            if not text.startswith(_TOLD)
+        ),
     ]
     return tuple(sorted(found, key=lambda said: _ORDER.index(said.level)))
 
@@ -126,7 +131,10 @@ def _manual(tuned: RequestedTuning) -> Iterator[Said]:
             )  # fmt: skip
             continue
         peaks = proven_peaks(
-            part, tuned.uncertainty, tuned.performance.of_units(rest), remaining
+            part,
+            tuned.uncertainty.of_units(rest),
+            tuned.performance.of_units(rest),
+            remaining,
         ).peaks
         text, level = _with_the_rest(peaks, others, stays, keeps)
         found = _worst_overshoot(tuned, rest)

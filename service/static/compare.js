@@ -3,15 +3,12 @@
 import { request } from "./api.js";
 import { button, h, help, lead, put, table } from "./dom.js";
 import { drawFigures, waiting } from "./figures.js";
-import { clock, label, number, setTimeUnit, unitOf } from "./format.js";
-import { summary } from "./summary.js";
-import { rescaled, unitsIn } from "./units.js";
+import { clock, label, number, setTimeUnit } from "./format.js";
+import { summaryOf } from "./summary.js";
+import { rescaled, unitOfJob, unitsIn } from "./units.js";
 
 const LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ";
 const DASHES = ["solid", "dash", "dashdot", "longdash"];
-
-/** The unit of its times: its own, else what this browser called it. @param {any} job */
-export const unitOfJob = ({ id, request: asked }) => asked.time_unit ?? unitOf(id);
 
 /** @param {any} value @param {string} [pointer] @returns {[string, string][]} */
 const flat = (value, pointer = "") =>
@@ -44,7 +41,7 @@ export async function compareView({ main, signal, go }, query) {
   const others = items.filter(({ id, status }) => status === "succeeded" && !ids.includes(id));
   const select = h("select", { id: "add", onchange: ({ target }) => open([...ids, target.value]) },
     h("option", { value: "" }, "Choose a tuning"), others.map((job) => {
-      const { title, aim } = summary(job.request);
+      const { title, aim } = summaryOf(job);
       const text = [title, aim, number(job.progress.best), clock(job.created_at)].join(" · ");
       return h("option", { value: job.id }, text);
     }));
@@ -61,9 +58,9 @@ export async function compareView({ main, signal, go }, query) {
   const factors = found.map((factor) => (Number.isNaN(factor) ? 1 : factor));
   const told = found.some(Number.isNaN) ? "The unit of time of one is not known: its times are compared as they stand."
     : `Times are in ${own ?? "time units"}.`;
-  const heads = jobs.map(({ id, request: asked }, i) => h("span", {},
-    h("a", { href: `#/tunings/${id}` }, `${LETTERS[i]}: ${summary(asked).title}`), " ",
-    closing(`Leave out ${LETTERS[i]}`, () => open(ids.filter((one) => one !== id)))));
+  const heads = jobs.map((job, i) => h("span", {},
+    h("a", { href: `#/tunings/${job.id}` }, `${LETTERS[i]}: ${summaryOf(job).title}`), " ",
+    closing(`Leave out ${LETTERS[i]}`, () => open(ids.filter((one) => one !== job.id)))));
   const results = lines(jobs.map(({ result }, i) => (result ? rescaled(essence(result), factors[i]) : {})),
     (cells) => cells.some((cell) => cell !== "–"));
   const plain = ({ request: asked }, i) => rescaled({ ...asked, time_unit: null, title: null }, factors[i]);

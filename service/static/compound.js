@@ -2,12 +2,15 @@
 
 import { button, h, help, put, scroller } from "./dom.js";
 import { key, segments } from "./fields.js";
-import { label, option } from "./format.js";
+import { label, option, plain } from "./format.js";
 import { faults, initial, variantOf } from "./schema.js";
 import { transferFunction } from "./symbols.js";
 
 /** Parts that most people leave as they are. */
 const FOLDED = new Set(["search", "bounds", "scenario"]);
+const MORE = new Set(["demands", "scenarios", "spread", "pairing", "as_found", "model_tolerance", "certificate",
+  "search"]);
+const ALWAYS = new Set(["model_tolerance", "certificate", "search"]); // there in every request
 /** Fields that make sense with certain values of others only. @type {Record<string, (value: any) => boolean>} */
 const RELEVANT = {
   "/controller/group_sizes": (value) => value.controller?.arrangement === "grouped",
@@ -29,7 +32,10 @@ export function object(form, s, value, pointer) {
     const entries = parts.map(({ property, widget }) => [property, isIrrelevant(widget) ? null : widget.read()]);
     return Object.fromEntries(entries.filter(([, item]) => item !== undefined));
   };
-  const fields = h("div", { class: "fields" }, parts.map(({ widget }) => widget.node));
+  const later = parts.filter(({ property }) => pointer === "" && MORE.has(property));
+  const first = later.length > 2 ? parts.filter((part) => !later.includes(part)) : parts;
+  const fields = h("div", { class: "fields" }, first.map(({ widget }) => widget.node));
+  if (first !== parts) fields.append(more(later, value));
   if (s.title === "TransferFunction") {
     const view = scroller(`Formula of ${label(name)}`, "formula");
     const draw = () => put(view, transferFunction(read()));
@@ -45,25 +51,40 @@ export function object(form, s, value, pointer) {
   return { node, read };
 }
 
+/** What few people need, folded unless something of it is given. */
+function more(parts, value) {
+  const open = parts.some(({ property }) => !ALWAYS.has(property) && isGiven(value?.[property]));
+  const names = parts.map(({ property }) => label(property).toLowerCase()).join(", ");
+  return h("details", { class: "more", open }, h("summary", {}, `More: ${names}`),
+    h("div", { class: "fields" }, parts.map(({ widget }) => widget.node)));
+}
+
+/** @param {any} value @returns {boolean} */
+const isGiven = (value) => value != null && value !== "none"
+  && (typeof value !== "object" || Object.values(value).some(isGiven));
+
 /** Several forms of one thing. @type {Builder} */
 export function union(form, s, value, pointer) {
   const forms = /** @type {Schema[]} */ (s.variants);
   const name = label(key(pointer));
-  const titles = forms.map((form) => option(form.properties?.kind?.const ?? form.title).replace(`${name} `, ""));
+  const titles = forms.map((form) => form.type === "array" ? "List"
+    : option(form.properties?.kind?.const ?? form.const ?? form.title).replace(`${name} `, ""));
   const content = h("div");
   let chosen = forms.indexOf(variantOf(forms, value));
   /** @type {Widget} */
   let inner;
   const show = (given) => {
     form.forget(pointer);
-    inner = object(form, forms[chosen], given, pointer);
-    inner.node.className = "bare";
+    const isObject = forms[chosen].type === "object";
+    inner = isObject ? object(form, forms[chosen], given, pointer) : form.build(forms[chosen], given, pointer);
+    if (isObject) inner.node.className = "bare";
     put(content, inner.node);
   };
   const { node, read } = segments(`${name}, given as`, titles, chosen);
   node.addEventListener("change", () => {
-    const old = inner.read();
+    const old = inner.read() ?? {};
     chosen = read();
+    if (forms[chosen].type !== "object") return void (show(initial({ ...s, ...forms[chosen] })), form.update());
     const kept = Object.entries(forms[chosen].properties ?? {}).map(([name, part]) =>
       [name, sameKind(part, old[name]) ? old[name] : initial(part)]);
     show(Object.fromEntries(kept));
@@ -89,7 +110,7 @@ export function optional(form, s, value, pointer) {
   box.addEventListener("change", () => (show(initial({ ...given, default: undefined })), form.update()));
   show(value);
   const name = h("label", { class: "check" }, box, label(key(pointer)));
-  const node = h("div", { class: "part optional" }, name, s.description && help(s.description), content);
+  const node = h("div", { class: "part optional" }, name, s.description && help(plain(s.description)), content);
   return { node, read: () => inner?.read() ?? null };
 }
 

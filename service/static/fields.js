@@ -2,6 +2,7 @@
 
 import { h } from "./dom.js";
 import { label, option, unitTag } from "./format.js";
+import { resolve } from "./schema.js";
 
 const SEGMENTS = 4; // options that fit side by side
 let serial = 0;
@@ -12,11 +13,11 @@ export const newId = (kind) => `${kind}${++serial}`;
 /** @type {Builder} */
 export function input(form, given, start, pointer) {
   // Loops and units are counted from 1 by people, from 0 in requests.
-  const by = given["x-index"] ? 1 : 0;
-  const s = by ? { ...given, description: given.description?.replace("from 0", "from 1") } : given;
-  const value = by && typeof start === "number" ? start + by : start;
+  const by = given["x-index"] || resolve(given.items ?? {})["x-index"] ? 1 : 0;
+  const s = given;
+  const value = shifted(start, by);
   const id = newId("f");
-  const [example] = (s.examples ?? []).filter((e) => e !== null).map((e) => (by ? e + by : e));
+  const example = shifted((s.examples ?? []).find((e) => typeof e === "number" || Array.isArray(e)), by);
   const input = h("input", {
     id, type: "text", autocomplete: "off", spellcheck: "false", value: shown(value),
     inputmode: s.type === "string" ? "text" : "decimal",
@@ -26,12 +27,15 @@ export function input(form, given, start, pointer) {
   const node = h("div", { class: "field" }, name, h("div", { class: "box" }, input, unitTag(s["x-unit"])));
   const parse = s["x-list"] ? oneOrMore : s.type === "array" ? numbers : s.type === "string" ? String : numeric;
   const empty = s.nullable ? null : undefined;
-  const from = (read) => (by && typeof read === "number" ? read - by : read);
   return {
     node: form.place(pointer, node, s, [input]),
-    read: () => (input.value.trim() === "" ? empty : from(parse(input.value.trim()))),
+    read: () => (input.value.trim() === "" ? empty : shifted(parse(input.value.trim()), -by)),
   };
 }
+
+/** Numbers counted from another one. @param {any} value @param {number} by @returns {any} */
+const shifted = (value, by) => (Array.isArray(value) ? value.map((one) => shifted(one, by))
+  : typeof value === "number" ? value + by : value);
 
 /** @type {Builder} */
 export function choice(form, s, value, pointer) {

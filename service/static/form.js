@@ -4,6 +4,7 @@ import { object, optional, rows, union } from "./compound.js";
 import { h, help } from "./dom.js";
 import { choice, input, newId } from "./fields.js";
 import { grid } from "./matrix.js";
+import { plain } from "./format.js";
 import { faults, resolve } from "./schema.js";
 
 /** @typedef {{node: HTMLElement, error: HTMLElement, controls: HTMLElement[]}} Slot */
@@ -77,7 +78,8 @@ export class Form {
     if (one) return input(this, { ...one, ...s, variants: undefined, type: one.type, "x-list": true }, value, pointer);
     const isList = s.type === "array" && !isFlat(s);
     const compound = s.variants || s.type === "object" || isList;
-    const isMatrix = isList && resolve(s.items).type === "array";
+    const line = isList ? resolve(s.items) : {};
+    const isMatrix = line.type === "array" && !resolve(line.items)["x-index"];
     const build = s.nullable && compound ? optional : s.variants ? union : s.type === "object" ? object
       : isMatrix ? grid : isList ? rows : s.enum || s.type === "boolean" ? choice : input;
     return build(this, s, value, pointer);
@@ -89,7 +91,7 @@ export class Form {
    */
   place(pointer, node, s, controls) {
     const error = h("p", { class: "error", id: newId("e") });
-    const notes = s.description ? [help(s.description), error] : [error];
+    const notes = s.description ? [help(plain(s.description)), error] : [error];
     notes[0].id ||= newId("h");
     const described = notes.map(({ id }) => id).join(" ");
     for (const control of controls) control.setAttribute("aria-describedby", described);

@@ -5,7 +5,7 @@ import { h } from "./dom.js";
 const NAMES = /** @type {Record<string, string>} */ ({
   n: "Units n", tau_p: "Time constant τₚ", epsilon: "Error ε", theta: "Time scale θ", mu: "μ",
   omega: "Frequency ω", instruments: "Tags and signals", max_peak: "Peak M", offset: "Offset A", num: "Numerator",
-  den: "Denominator", rga: "RGA", succeeded: "Done", mcavoy: "McAvoy",
+  den: "Denominator", rga: "RGA", succeeded: "Done", cancelled: "Stopped", mcavoy: "McAvoy",
   wood_berry: "Wood and Berry", relay_johansson: "Johansson's relay",
 });
 const OPTIONS = /** @type {Record<string, string>} */ ({
@@ -44,6 +44,18 @@ const minus = (value) => String(value).replace("-", "−");
 /** @param {string | null} text one that may lack its capital and its full stop */
 export const sentence = (text) => (text ?? "").replace(/^./, (first) => first.toUpperCase()).replace(/[^.]$/, "$&.");
 
+/** Symbols of the API in texts for people, who count loops from 1. @type {[RegExp, string][]} */
+const PLAIN = [
+  [/\btau_([A-Za-z])\b/g, "τ_$1"], [/τ_[Pp]/g, "τₚ"], [/τ_([IDF])/g, "τ$1"],
+  [/\bomega_B\b/g, "ωB"], [/\bomega\b/g, "ω"], [/\btheta\b/g, "θ"], [/\bepsilon\b/g, "ε"], [/\btau\b/g, "τ"],
+  [/\bmu\b/g, "μ"], [/\bnull: ?/g, "Empty: "], [/\(?from 0\)?/g, "counted from 1"],
+  [/\bperformance\./g, ""], [/(?<=[a-z])_(?=[a-z])/g, " "],
+];
+
+/** @param {string} text */
+export const plain = (text) => PLAIN.reduce((now, [from, to]) => now.replace(from, to), text)
+  .replace(/rad(\/time(?! unit)| per time unit)\b/g, unitText("rad/time"));
+
 /** @param {string} moment ISO time */
 export const clock = (moment) =>
   new Date(moment).toLocaleString(undefined, { dateStyle: "medium", timeStyle: "short" });
@@ -80,8 +92,10 @@ export function rememberUnit(id) {
 }
 
 /** @param {string} [kind] `x-unit` of the schema @returns {string} */
-export const unitText = (kind = "") =>
-  ({ time, "rad/time": `rad/${time}`, gain: "", 1: "", "powers of time": "" })[kind] ?? kind;
+export const unitText = (kind = "") => {
+  const rate = `rad/${time.replace(/^time units$/, "time unit")}`;
+  return { time, "rad/time": rate, gain: "", 1: "", "powers of time": "" }[kind] ?? kind;
+};
 
 /** @param {string | undefined} kind */
 export const unitTag = (kind) =>

@@ -27,6 +27,7 @@ export function handOver({ request: asked, result }) {
   place.style.minHeight = `${11 + 2.6 * (tagged ? result.loops.length : result.groups.length)}rem`;
   const said = h("span", { class: "help", role: "status" });
   let sheet = /** @type {string[][]} */ ([]);
+  let chosen = false;
   const unit = timeUnit() === "time units" ? null : timeUnit();
   const body = (judged) => ({
     loops: result.loops, time_unit: unit, instruments: asked.instruments ?? null, target: targetOf(select.value),
@@ -35,11 +36,15 @@ export function handOver({ request: asked, result }) {
       performance: { ...asked.performance, tau_p: result.tau_p ?? asked.performance.tau_p } }),
   });
   const show = async () => {
-    localStorage.setItem(CHOSEN, select.value);
     const asks = select.value;
     const verdict = h("p", { class: "help" }, "Checking the values as typed …");
     try {
       const { hand_over: found } = await request("POST", "/v1/controller-forms", { body: body(false) });
+      // Of the plain forms one is taken that all loops have, unless somebody has chosen.
+      if (!chosen && asks === "ideal" && found.loops.some(({ reason }) => reason)) {
+        select.value = "cascade";
+        return void show();
+      }
       sheet = rowsOf(found, result);
       put(place, table("Values to type", sheet[0], sheet.slice(1)),
         h("p", { class: "formula" }, h("code", {}, found.equation)),
@@ -52,11 +57,16 @@ export function handOver({ request: asked, result }) {
       put(place, h("p", { class: "error" }, error.faults[0]?.detail ?? error.message));
     }
   };
-  select.addEventListener("change", show);
+  select.addEventListener("change", () => {
+    chosen = true;
+    localStorage.setItem(CHOSEN, select.value);
+    void show();
+  });
   request("GET", "/v1/controllers").then(({ items }) => {
     select.append(...items.map(({ name, title }) => h("option", { value: name }, title)));
     const before = localStorage.getItem(CHOSEN);
-    if (before && [...select.options].some(({ value }) => value === before)) select.value = before;
+    chosen = [...select.options].some(({ value }) => value === before);
+    if (chosen && before) select.value = before;
     show();
   });
   const copyValues = async () => {

@@ -2,38 +2,32 @@
 
 import { FINAL, follow, request } from "./api.js";
 import { button, card, h, help, lead, link, put, svg } from "./dom.js";
-import { clock, duration, label, number, setTimeUnit, unitOf, unitTag } from "./format.js";
-import { summary } from "./summary.js";
+import { chipOf } from "./chip.js";
+import { clock, duration, number, setTimeUnit, unitOf, unitTag } from "./format.js";
+import { summaryOf } from "./summary.js";
+import { unitAsked } from "./unit_asked.js";
 import { resultView } from "./result.js";
 import { plantFormula } from "./symbols.js";
 
 const MEANING = /** @type {Record<string, string>} */ ({
-  cancelled: "This tuning was cancelled before it had a result.",
+  cancelled: "This tuning was stopped before it had a result.",
   failed: "This tuning failed.",
   timed_out: "This tuning ran out of time before it had a result.",
 });
-
-const MET = 1 + 1e-6; // μ at most 1, but for rounding
-
-/** The state of a job; one that succeeds without a value has found that there is none. @param {any} job */
-export function chipOf({ status, progress: { best }, request: { objective } }) {
-  const missed = objective === "mu" && best > MET;
-  const shown = status === "succeeded" && (best === null || missed) ? "infeasible" : status;
-  return h("span", { class: `status ${shown}` }, missed && shown === "infeasible" ? "Demand not met" : label(shown));
-}
 
 /** @param {View} view @param {string} id @param {URLSearchParams} query */
 export async function jobView({ main, signal, keep }, id, query) {
   setTimeUnit(query.get("unit") ?? unitOf(id) ?? "time units");
   const job = await request("GET", `/v1/tunings/${id}`, { signal });
   if (job.request.time_unit) setTimeUnit(job.request.time_unit);
-  const { title, aim } = summary(job.request);
+  const { title, aim } = summaryOf(job);
   const chip = h("span", {}, chipOf(job));
   const body = h("div", {});
-  main.replaceChildren(lead(h("span", {}, title, " ", chip), h("p", {}, aim, " · ", clock(job.created_at))), body);
+  main.replaceChildren(lead(h("span", {}, title, " ", chip), h("p", {}, aim, " · ", clock(job.created_at)),
+    unitAsked(job)), body);
   const ended = (last) => {
     put(chip, chipOf(last));
-    if (last.result) return resultView(body, last);
+    if (last.result?.loops.length || (last.result && last.status === "succeeded")) return resultView(body, last);
     const reason = last.error && h("p", { class: "error" }, last.error.detail);
     put(body, card(MEANING[last.status], reason, link("Change and run again", `#/?from=${id}`)));
   };
@@ -52,8 +46,9 @@ function progress({ request: { objective }, created_at }, cancel) {
   const line = svg("polyline");
   const trace = svg("svg",
     { viewBox: "0 0 100 30", preserveAspectRatio: "none", class: "trace", "aria-hidden": "true" }, line);
-  const stop = button("Cancel", () => {
+  const stop = button("Stop", () => {
     stop.disabled = true;
+    stop.textContent = "Stopping …";
     cancel();
   });
   const seen = /** @type {{at: number, best: number}[]} */ ([]);
@@ -71,6 +66,6 @@ function progress({ request: { objective }, created_at }, cancel) {
       [(100 * (point.at - start)) / (at - start || 1), 28 - (26 * (point.best - low)) / (high - low || 1)]).join(" "));
   };
   const node = card("Best so far", h("p", {}, output, " ", objective === "mu" ? null : unitTag("time")),
-    trace, bar, told, stop);
+    trace, bar, told, stop, help("Stopping keeps the best so far."));
   return { node, update };
 }

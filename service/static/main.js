@@ -2,11 +2,7 @@
 
 import { connection, onKeyNeeded, Problem } from "./api.js";
 import { h, lead } from "./dom.js";
-import { label } from "./format.js";
-import { compareView } from "./compare.js";
-import { historyView } from "./history.js";
-import { jobView } from "./job.js";
-import { recordView } from "./record.js";
+import { label, plain } from "./format.js";
 import { requestView } from "./request.js";
 import { analyses, loadSchema } from "./schema.js";
 
@@ -16,13 +12,17 @@ const dialog = /** @type {HTMLDialogElement} */ (document.querySelector("#key"))
 let current = new AbortController();
 let first = true;
 
-/** @param {View} view @param {string} path @param {URLSearchParams} query */
-function show(view, path, query) {
+/**
+ * Show a view; all but the first one that people see are loaded when they are wanted.
+ * @param {View} view @param {string} path @param {URLSearchParams} query
+ */
+async function show(view, path, query) {
   const [place, name] = path.split("/");
   const from = query.get("from");
-  if (place === "tunings") return name ? jobView(view, name, query) : historyView(view);
-  if (place === "record") return recordView(view);
-  if (place === "compare") return compareView(view, query);
+  if (place === "tunings" && name) return (await import("./job.js")).jobView(view, name, query);
+  if (place === "tunings") return (await import("./history.js")).historyView(view);
+  if (place === "record") return (await import("./record.js")).recordView(view);
+  if (place === "compare") return (await import("./compare.js")).compareView(view, query);
   if (place !== "analyses") return requestView(view, "/v1/tunings", from);
   const analysis = analyses().find((one) => one.name === name);
   return analysis ? requestView(view, analysis.path, from) : analysesView(view);
@@ -32,7 +32,7 @@ function show(view, path, query) {
 async function analysesView({ main: place }) {
   const items = analyses().map(({ name, description }) => h("li", { class: "card" },
     h("h2", {}, h("a", { href: `#/analyses/${name}` }, label(name))),
-    h("p", {}, description.replace(/^Return /, "Shows "))));
+    h("p", {}, plain(description.replace(/^Return /, "Shows ")))));
   place.replaceChildren(lead("Analyse"), h("ul", { class: "cards links" }, items));
 }
 

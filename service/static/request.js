@@ -1,14 +1,15 @@
 /** The view of a request: a form, examples to start from, and what comes of it. */
 
 import { once, Problem, request } from "./api.js";
-import { answered } from "./answer.js";
 import { button, h, lead, put } from "./dom.js";
 import { Form } from "./form.js";
-import { label, rememberUnit, setTimeUnit, timeUnit, unitOf } from "./format.js";
+import { label, plain, rememberUnit, setTimeUnit, timeUnit, unitOf } from "./format.js";
 import { intro, takeFiles } from "./intro.js";
+import { picture } from "./picture.js";
 import { analyses, faults, fitting, initial, operation, resolve } from "./schema.js";
 import { handedOn } from "./offers.js";
 import { plantFormula } from "./symbols.js";
+import { farApart } from "./times.js";
 
 /** What says whose the request is, and which signals: it stands first. @param {Schema} input @returns {Schema} */
 function plateOf(input) {
@@ -66,7 +67,8 @@ export async function requestView({ main, signal, go }, path, from) {
   const changed = () => {
     const typed = read();
     sessionStorage.setItem(draft, JSON.stringify(typed));
-    put(formulas, typed.plant && plantFormula(typed.plant));
+    put(formulas, typed.plant && picture(typed.plant), typed.plant && plantFormula(typed.plant),
+      farApart(typed));
     problem.textContent = "";
   };
   const show = (value) => {
@@ -95,7 +97,9 @@ export async function requestView({ main, signal, go }, path, from) {
         go(`#/tunings/${job.id}`);
       } else {
         put(outcome, h("p", { class: "busy" }, "Computing …"));
-        put(outcome, answered(op, await request("POST", path, { body, signal })));
+        const [{ answered }, answer] = await Promise.all([
+          import("./answer.js"), request("POST", path, { body, signal })]);
+        put(outcome, answered(op, answer));
         outcome.scrollIntoView({ block: "start" });
       }
     } catch (error) {
@@ -130,7 +134,7 @@ export async function requestView({ main, signal, go }, path, from) {
   unit.addEventListener("input", () => (setTimeUnit(unit.value), rememberUnit("last"), changed()));
   show(start);
   main.replaceChildren(
-    lead(isJob ? "Tune parallel loops" : op.summary, h("p", {}, resolve(op.input).description),
+    lead(isJob ? "Tune parallel loops" : op.summary, h("p", {}, plain(resolve(op.input).description ?? "")),
       h("div", { class: "field unit-of-time" }, h("label", { for: "unit" }, "Unit of time"), unit),
       h("datalist", { id: "units" }, ["s", "min", "h"].map((value) => h("option", { value })))),
     isJob && !from ? intro(chips.splice(0, chips.length - 1), show, open) : "",

@@ -5,9 +5,11 @@ import { button, copy, download, h, help, link, put } from "./dom.js";
 import { evidence } from "./evidence.js";
 import { handOver } from "./hand_over.js";
 import { inUnit } from "./figures.js";
+import { picture } from "./picture.js";
 import { number, sentence, timeUnit, unitTag, unitText } from "./format.js";
 import { furtherOf } from "./offers.js";
 import { sheet } from "./sheet.js";
+import { plantFormula } from "./symbols.js";
 import { tradeOff } from "./trade_off.js";
 import { whatIf } from "./what_if.js";
 
@@ -43,8 +45,14 @@ export function resultView(body, job) {
 /** @param {string} id */
 const fileName = (id) => `mutune-${id.slice(0, 8)}`;
 
+const CUT = /** @type {Record<string, string>} */ ({
+  cancelled: "Stopped before the search had ended: the best up to then.",
+  timed_out: "The time was up before the search had ended: the best up to then.",
+});
+
 /** @param {any} job */
-function headline({ result, request: { performance } }) {
+function headline({ result, status, request: asked }) {
+  const { performance } = asked;
   const byTime = result.objective === "tau_p";
   const value = byTime ? result.tau_p : result.peaks.robust_performance.value;
   const met = result.demand_met !== false;
@@ -55,9 +63,20 @@ function headline({ result, request: { performance } }) {
   return h("section", { class: `card hero${met ? "" : " missed"}` },
     h("p", {}, h("strong", { class: "big" }, number(value)), " ", unit),
     h("p", {}, what, " for every plant within the uncertainty."),
+    CUT[status] && h("p", { class: "doubt" }, CUT[status], " A whole search may find better ones."),
     result.comparison && gain(result), result.optimality && limit(result.optimality),
     result.limit && h("p", {}, result.limit.verdict),
-    guaranteed(result.guarantee), scenarios(result), result.integrity && help(sentence(result.integrity)));
+    guaranteed(result.guarantee), scenarios(result), result.integrity && help(sentence(result.integrity)),
+    plate(asked));
+}
+
+/** What was tuned, and for what. @param {any} asked */
+function plate({ plant, uncertainty: { epsilon, theta }, performance: { max_peak: peak } }) {
+  const several = (/** @type {any} */ value) => [value].flat().map((one) => number(one)).join(", ");
+  const errors = epsilon == null ? "" : `Errors of the inputs: ε = ${several(epsilon)} at rest, all of it from times `
+    + `below about θ = ${several(theta)} ${timeUnit()}. `;
+  return h("div", { class: "asked-for" }, picture(plant), plantFormula(plant),
+    help(`${errors}Permitted peak of the sensitivity: M = ${number(peak)}.`));
 }
 
 /** What each scenario makes of the settings. @param {any} result */

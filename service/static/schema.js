@@ -49,6 +49,7 @@ export function resolve(schema) {
  */
 export function variantOf(variants, value) {
   if (Array.isArray(value)) return variants.find(({ type }) => type === "array") ?? variants[0];
+  if (typeof value !== "object") return variants.find((one) => one.const === value) ?? variants[0];
   const keys = Object.keys(value ?? {});
   const fits = (/** @type {Schema} */ variant) =>
     keys.every((key) => {
@@ -73,13 +74,14 @@ export function initial(schema, examples = true) {
   if ("const" in s) return s.const;
   if (s.default !== undefined && s.type !== "object") return s.default;
   if (s.nullable && !("default" in s)) return null;
+  const example = s.examples?.find((/** @type {any} */ one) => one !== null);
   const form = s.variants ? s.variants[0] : s;
   if (form.type === "object") {
-    if (examples && s.examples?.[0]) return s.examples[0];
+    if (examples && example) return example;
     const entries = Object.entries(form.properties ?? {});
     return Object.fromEntries(entries.map(([key, part]) => [key, initial(part, examples)]));
   }
-  return examples ? s.examples?.[0] : undefined;
+  return examples ? example : undefined;
 }
 
 /**

@@ -3,7 +3,7 @@
 import { Problem, request } from "./api.js";
 import { card, h, help, put, table } from "./dom.js";
 import { drawFigures, inUnit, waiting } from "./figures.js";
-import { number, timeUnit } from "./format.js";
+import { number, plain, timeUnit } from "./format.js";
 
 const SETTINGS = /** @type {Record<string, string>} */ ({
   found: "proposed", identical: "identical", "as found": "as found" });
@@ -19,7 +19,7 @@ export function sheet(job, name) {
     try {
       const { behaviour, risks, figures: drawn } = await request("GET", inUnit(`/v1/tunings/${job.id}/sheet`));
       put(list, risks.map(({ level, text }) =>
-        h("li", { class: level }, h("strong", {}, LEVELS[level]), h("span", {}, text))));
+        h("li", { class: level }, h("strong", {}, LEVELS[level]), h("span", {}, plain(text)))));
       put(measures, behaviour.length > 0 && measured(behaviour));
       list.removeAttribute("aria-busy");
       await drawFigures(figures, drawn, name);
@@ -43,8 +43,9 @@ function measured(rows) {
     "Error after load", `Load gone in, ${timeUnit()}`, "Gain margin", "Phase margin", `Delay margin, ${timeUnit()}`];
   const lines = rows.map((row) => {
     const name = SETTINGS[row.settings] ?? row.settings;
-    if (!row.stable) return [row.loop, name, "unstable", ...Array(7).fill("–")];
-    return [row.loop, name, number(row.settling_time, 3), per(row.overshoot), number(row.input_peak, 3),
+    const loop = row.loop.replace(/^(loop|all)/, (first) => first.replace(/^./, (c) => c.toUpperCase()));
+    if (!row.stable) return [loop, name, "unstable", ...Array(7).fill("–")];
+    return [loop, name, number(row.settling_time, 3), per(row.overshoot), number(row.input_peak, 3),
       number(row.load_error, 3), number(row.load_settling_time, 3), limit(row.gain_margin, "×"),
       limit(row.phase_margin, "°"), limit(row.delay_margin, "")];
   });

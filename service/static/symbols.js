@@ -57,8 +57,7 @@ export function plantFormula(plant) {
   if (plant.kind === "matrix") {
     const cells = plant.elements.map((line) => line.map(row));
     const complete = cells.flat().every(Boolean);
-    const size = h("p", {}, `${cells.length} × ${cells.length} transfer functions`);
-    put(view, complete && cells.length <= 3 ? defined("G", matrix(cells)) : size);
+    if (complete) put(view, defined("G", matrix(cells)));
     return view;
   }
   const { n, gain: k, time_constant: tau, interaction: a, dead_time } = plant;

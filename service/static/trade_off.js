@@ -44,7 +44,8 @@ async function sweep(asked, parameter, result) {
   const { group, values } = PARAMETERS[parameter];
   const { input } = operation("/v1/tunings");
   const tunings = values.map((factor) => Number((factor * asked[group][parameter]).toPrecision(3)))
-    .map((value) => ({ ...asked, certificate: "none", model_tolerance: false, [group]: { ...asked[group], [parameter]: value } }))
+    .map((value) => ({ ...asked, certificate: "none", model_tolerance: false,
+      [group]: { ...asked[group], [parameter]: value } }))
     .filter((one) => faults(input, one).length === 0);
   const { id } = await request("POST", "/v1/batches", { body: { tunings }, headers: once() });
   const answered = await request("GET", `/v1/batches/${id}/results`, { text: true });

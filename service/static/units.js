@@ -1,9 +1,14 @@
 /** Units of time that can be converted, and requests and results in another one. */
 
+import { unitOf } from "./format.js";
+
 const SECONDS = /** @type {Record<string, number>} */ ({
   ms: 0.001, s: 1, sec: 1, min: 60, minutes: 60, h: 3600, hours: 3600, d: 86400, days: 86400 });
 const TIMES = /(_time|time_constant|^theta|^tau_p|^dead_time_error)$/;
 const POLYNOMIALS = new Set(["num", "den"]);
+
+/** The unit of its times: its own, else what this browser called it. @param {any} job */
+export const unitOfJob = ({ id, request: asked }) => asked.time_unit ?? unitOf(id);
 
 /**
  * How many of the other unit one of a unit is; NaN where one of them is not known.

@@ -45,7 +45,8 @@ export function whatIf({ request: asked, result }) {
     keep.hidden = true;
     try {
       const search = { ...body.search, start, optimality_gap: false, limit: false };
-      const found = await request("POST", "/v1/retunings", { body: { ...body, search, certificate: "none", model_tolerance: false } });
+      const quick = { ...body, search, certificate: "none", model_tolerance: false };
+      const found = await request("POST", "/v1/retunings", { body: quick });
       if (found.loops.length) start = found.loops;
       tell(found, "Beside the last settings; a whole search follows when you let go.");
     } catch (error) {

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 __all__ = ["plain_advice"]
 
 WORTH_IT = 1.0  # per cent that unlike settings must gain to be worth the name
+NOTHING = 1e-4  # per cent, from rounding
 CHIEFLY = 0.6  # share of the weakest direction in one output
 APART = 1.02  # ratio of the two weakest directions from which they are two
 OVERSHOOTS = 0.25
@@ -52,9 +53,11 @@ def _identical_suffice(tuning: Tuning, comparison: Comparison) -> Iterator[str]:
     """Say that the same settings on every unit are as good."""
     if len(tuning.groups) == 1:
         return
+    percent = comparison.gain_percent
+    gain = f"{percent:.2g} %" if percent > NOTHING else "nothing"
     yield (
-        f"Identical settings suffice: unlike ones gain {max(comparison.gain_percent, 0.0):.2g} % "
-        f"over {comparison.identical_value:.4g}."
+        f"Identical settings suffice: unlike ones gain {gain} over "
+        f"{comparison.identical_value:.4g}."
     )
 
 

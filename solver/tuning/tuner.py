@@ -24,6 +24,7 @@ from solver.tuning.search import Freedom
 from solver.tuning.solutions import Solution, Solutions
 from solver.tuning.specification import Arrangement, Objective, Signs, Specification
 from solver.tuning.spread import SPREAD
+from solver.tuning.times_apart import times_remark
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -134,14 +135,12 @@ def _reached(tuning: Tuning) -> str:
 
 
 def _told(specification: Specification, found: Tuning) -> Tuning:
-    """Return the result with a warning where the scan is not fast beside the loops."""
-    if specification.scan_time == 0 or not found.loops:
-        return found
-    plant = specification.arranged(found.pairing).plant
-    said = scan_remark(plant, found.loops, specification.scan_time)
-    if said is None:
-        return found
-    return replace(found, warnings=(*found.warnings, said))
+    """Return the result with a warning where times do not fit, or the scan is slow."""
+    said = [times_remark(specification)]
+    if specification.scan_time != 0 and found.loops:
+        plant = specification.arranged(found.pairing).plant
+        said.append(scan_remark(plant, found.loops, specification.scan_time))
+    return replace(found, warnings=(*found.warnings, *filter(None, said)))
 
 
 def _with_the_demand_named(specification: Specification, found: Tuning) -> Tuning:

@@ -35,11 +35,18 @@ def start_a_long_one(watched: Watched) -> Page:
     watched.go("#/")
     field(page, "/plant/n").fill("4")
     page.get_by_label("PID", exact=True).check()
+    page.get_by_text("More: ").click()
     page.get_by_text("Search", exact=True).click()
     field(page, "/search/starts").fill("1000")
     start(page)
     expect(page.get_by_text("% of the search")).to_be_visible()
     return page
+
+
+def stop(page: Page) -> None:
+    """Stop a job, and wait for the end."""
+    page.get_by_role("button", name="Stop").click()
+    expect(page.locator(".status")).to_have_text("Stopped")
 
 
 def test_from_an_empty_form_to_a_report(watched: Watched, tmp_path: Path) -> None:
@@ -185,15 +192,20 @@ def test_what_the_service_refuses_is_shown_beside_its_field(watched: Watched) ->
     expect(page.locator("[data-pointer='/controller/group_sizes'] .error")).to_be_empty()
 
 
-def test_a_running_job_survives_a_reload_and_can_be_cancelled(watched: Watched) -> None:
-    """The job's address is its own; cancelling takes effect at once."""
+def test_a_running_job_survives_a_reload_and_keeps_its_best_when_stopped(watched: Watched) -> None:
+    """The job's address is its own; stopping it shows the best settings so far."""
     page = start_a_long_one(watched)
     watched.inspect("progress")
     page.reload()
     expect(page.get_by_text("% of the search")).to_be_visible()
-    page.get_by_role("button", name="Cancel").click()
-    expect(page.get_by_text("was cancelled")).to_be_visible()
-    watched.inspect("cancelled")
+    expect(page.locator("output.big")).to_contain_text(".")
+    told = float(page.locator("output.big").inner_text())
+    stop(page)
+    expect(page.get_by_text("Stopped before the search had ended")).to_be_visible()
+    assert float(page.locator(".hero .big").inner_text()) <= 1.05 * told
+    expect(page.get_by_role("heading", name="What do I type in?")).to_be_visible()
+    watched.wait_for_figures()
+    watched.inspect("stopped")
     page.get_by_role("link", name="Change and run again").click()
     expect(field(page, "/search/starts")).to_have_value("1000")
 
@@ -201,13 +213,13 @@ def test_a_running_job_survives_a_reload_and_can_be_cancelled(watched: Watched) 
 def test_two_tabs_see_the_same_job(
     watch: Callable[[Service], Watched], service: Service, watched: Watched
 ) -> None:
-    """What is cancelled in one tab ends in the other."""
+    """What is stopped in one tab ends in the other."""
     page = start_a_long_one(watched)
     other = watch(service)
     other.page.goto(page.url)
     expect(other.page.get_by_text("% of the search")).to_be_visible()
-    other.page.get_by_role("button", name="Cancel").click()
-    expect(page.get_by_text("was cancelled")).to_be_visible()
+    stop(other.page)
+    expect(page.locator(".status")).to_have_text("Stopped")
 
 
 def test_a_restarted_service_goes_on_with_the_job(
@@ -228,8 +240,7 @@ def test_a_restarted_service_goes_on_with_the_job(
         service.start()
         expect(banner).to_be_hidden()
         expect(page.get_by_text("% of the search")).to_be_visible()
-        page.get_by_role("button", name="Cancel").click()
-        expect(page.get_by_text("was cancelled")).to_be_visible()
+        stop(page)
     finally:
         service.stop()
 
@@ -300,17 +311,81 @@ def test_a_request_file_is_dropped_into_the_form(watched: Watched, tmp_path: Pat
 
 
 def test_six_burners(watched: Watched) -> None:
-    """Six independent loops are told one by one, in lines that differ in colour and dash."""
+    """Six unlike loops are told one by one, in lines that differ in colour and dash."""
     page = watched.page
     watched.go("#/")
     for pointer, value in {"n": "6", "time_constant": "20", "interaction": "0.4"}.items():
         field(page, f"/plant/{pointer}").fill(value)
-    page.get_by_label("Best", exact=True).check()
+    field(page, "/uncertainty/epsilon").fill("0.1 0.15 0.2 0.25 0.3 0.35")
+    page.get_by_text("More: ").click()
+    page.get_by_text("Search", exact=True).click()
+    field(page, "/search/starts").fill("1")
     start(page)
     expect(page.get_by_role("heading", name="What do I type in?")).to_be_visible()
     watched.wait_for_figures()
     expect(page.locator(".risks li").first).to_be_visible()
+    styles = page.evaluate(
+        """() => [...document.querySelector("[data-figure=set_point] .plot").data]
+            .filter(({ name, fill }) => /^loop \\d$/.test(name) && !fill)
+            .map(({ line }) => `${line.color} ${line.dash}`)"""
+    )
+    assert len(set(styles)) == 6
     watched.inspect("six-burners")
+
+
+def test_loops_are_counted_from_one_in_groups_and_pairings(watched: Watched) -> None:
+    """People count loops from 1; the request that is sent counts them from 0."""
+    page = watched.page
+    watched.go("#/")
+    page.get_by_label("Grouped").check()
+    page.get_by_label("Groups", exact=True).check()
+    for group, units in enumerate(("2", "1")):
+        field(page, f"/controller/groups/{group}").fill(units)
+    page.get_by_text("More: ").click()
+    page.get_by_label("Pairing", exact=True).check()
+    field(page, "/pairing").fill("2 1")
+    watched.inspect("grouped")
+    drafts = "JSON.parse(sessionStorage.getItem('mutune.draft/v1/tunings'))"
+    assert page.evaluate(f"{drafts}.controller.groups") == [[1], [0]]
+    assert page.evaluate(f"{drafts}.pairing") == [1, 0]
+    page.reload()
+    expect(field(page, "/pairing")).to_have_value("2, 1")
+    page.locator(".union").filter(has=page.get_by_text("Pairing, given as")).get_by_label(
+        "Best"
+    ).check()
+    assert page.evaluate(f"{drafts}.pairing") == "best"
+
+
+def test_times_in_two_units_are_doubted_while_they_are_typed(watched: Watched) -> None:
+    """A plant in seconds beside errors in minutes is asked about, before anything is started."""
+    page = watched.page
+    watched.go("#/")
+    doubt = page.get_by_text("far apart. Are both in min?")
+    expect(doubt).to_have_count(0)
+    field(page, "/plant/time_constant").fill("6000")
+    expect(doubt).to_be_visible()
+    field(page, "/uncertainty/theta").fill("60")
+    expect(doubt).to_have_count(0)
+
+
+def test_on_a_phone(watched: Watched) -> None:
+    """From an example to values on the clipboard, narrow; a lacking unit is asked for."""
+    page = watched.page
+    page.set_viewport_size({"width": 360, "height": 740})
+    watched.go("#/")
+    page.get_by_role("button", name="Two parallel reactors").click()
+    page.get_by_label("Unit of time").fill("")
+    start(page)
+    hero = page.locator(".hero")
+    expect(hero).to_contain_text("time units")
+    page.get_by_label("does not name the unit").select_option("min")
+    expect(hero).to_contain_text("min")
+    expect(page.get_by_label("does not name the unit")).to_have_count(0)
+    page.get_by_role("button", name="Copy values").click()
+    expect(page.get_by_text("Copied, as shown.")).to_be_visible()
+    assert "Ti, min" in page.evaluate("navigator.clipboard.readText()")
+    wide = page.evaluate("document.documentElement.scrollWidth - innerWidth")
+    assert wide <= 0
 
 
 def test_from_a_record_to_settings(watched: Watched) -> None:

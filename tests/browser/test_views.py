@@ -72,6 +72,50 @@ def test_what_was_tuned_is_found_by_its_words(watched: Watched, tuned: tuple[str
     expect(page.get_by_text("None of these has such words.")).to_be_visible()
 
 
+def test_a_tuning_is_renamed_and_deleted(watched: Watched, service: Service) -> None:
+    """A name of this browser finds a tuning; what is deleted is gone from the service too."""
+    job = httpx.post(
+        f"{service.url}/v1/tunings",
+        json={**EXAMPLE, "title": "To be renamed"},
+        headers={"Prefer": "wait=60"},
+        timeout=90,
+    ).json()
+    page = watched.page
+    watched.go("#/tunings")
+    page.get_by_role("button", name="Rename To be renamed").click()
+    page.get_by_label("New name of To be renamed").fill("Train B")
+    page.keyboard.press("Enter")
+    page.get_by_label("Find").fill("train b")
+    expect(page.locator("tbody tr")).to_have_count(1)
+    page.get_by_role("button", name="Delete Train B").click()
+    watched.inspect("history-delete")
+    page.get_by_role("button", name="Delete for ever Train B").click()
+    expect(page.get_by_text("None of these has such words.")).to_be_visible()
+    assert httpx.get(f"{service.url}/v1/tunings/{job['id']}").status_code == 404
+
+
+def test_runs_in_minutes_and_seconds_are_compared(watched: Watched, service: Service) -> None:
+    """The same plant in two units has the same numbers and equal requests, in the first's unit."""
+    ids = []
+    for unit, factor in (("min", 1), ("s", 60)):
+        plant = {**EXAMPLE["plant"], "time_constant": 100 * factor}
+        uncertainty = {"epsilon": 0.2, "theta": factor}
+        request = {**EXAMPLE, "plant": plant, "uncertainty": uncertainty, "time_unit": unit}
+        answer = httpx.post(
+            f"{service.url}/v1/tunings",
+            json={**request, "controller": {"arrangement": "identical"}},
+            headers={"Prefer": "wait=60"},
+            timeout=90,
+        )
+        ids.append(answer.json()["id"])
+    page = watched.page
+    watched.go(f"#/compare?ids={','.join(ids)}")
+    expect(page.get_by_text("Times are in min.")).to_be_visible()
+    expect(page.get_by_text("The requests are the same.")).to_be_visible()
+    found = page.get_by_role("row", name="Time constant").locator("td")
+    expect(found).to_have_text(["25.77", "25.77"])
+
+
 def test_times_are_compared_in_one_unit(watched: Watched) -> None:
     """Hours and seconds of the same thing are equal; units that nobody knows are not converted."""
     watched.go("#/")
@@ -245,11 +289,16 @@ def test_the_service_asks_for_a_key(watch: Callable[[Service], Watched], tmp_pat
         service.stop()
 
 
-def test_first_paint_does_not_wait_for_plotly(watched: Watched) -> None:
-    """The form needs the page's own files alone, of the size that a decision permits."""
+def test_first_paint_needs_little(watched: Watched) -> None:
+    """The form needs neither Plotly nor the modules of other views; a decision says how much."""
     watched.go("#/")
-    assert not [url for url in watched.requests if "plotly" in url]
-    assert sum(file.stat().st_size for file in STATIC.iterdir()) < 150_000
+    watched.page.wait_for_load_state("networkidle")
+    names = {url.rsplit("/", 1)[1] for url in watched.requests if "/assets/" in url}
+    assert not [name for name in names if "plotly" in name]
+    assert "result.js" not in names
+    sizes = {file.name: file.stat().st_size for file in STATIC.iterdir()}
+    assert sum(sizes[name] for name in names) < 90_000
+    assert sum(sizes.values()) < 180_000
 
 
 JUMPS = """window.jumps = [];

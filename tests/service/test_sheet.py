@@ -115,6 +115,29 @@ def test_manual_says_what_the_rest_does() -> None:
     assert any("keeps the demand" in text for text in texts)
 
 
+def test_loops_with_errors_of_their_own_are_told_one_by_one() -> None:
+    """Six unlike loops, each with its own error, are shown, and each is looked at in manual."""
+    six = tuned(
+        "parallel_reactors",
+        changed(
+            plant={"kind": "first_order", "n": 6, "gain": 1, "time_constant": 20,
+                   "interaction": 0.4},
+            uncertainty={"epsilon": [0.1, 0.15, 0.2, 0.25, 0.3, 0.35], "theta": 1},
+            search={"starts": 1},
+        ),
+    )  # fmt: skip
+    sheet = loop_sheet(six)
+    names = [f"loop {unit}" for unit in range(1, 7)]
+    assert [row.loop for row in sheet.behaviour if row.settings == FOUND] == names
+    assert len([text for text in said(six, "manual") if text.startswith("With loop")]) == 6
+    lines = {
+        trace.name: (trace.line.color, trace.line.dash)
+        for trace in sheet.figures["set_point"].data
+        if trace.name in names and not trace.fill
+    }
+    assert len(set(lines.values())) == 6
+
+
 def test_an_unmet_demand_stands_first() -> None:
     """The least mu above 1 is the first thing that is said, with its value."""
     record = tuned("distillation_column")

@@ -7,6 +7,7 @@ and never run a mixture of two versions.
 from __future__ import annotations
 
 import hashlib
+import re
 from importlib.metadata import version
 from importlib.resources import files
 from importlib.resources.abc import Traversable
@@ -34,11 +35,26 @@ def _contents(folder: Traversable) -> dict[str, str]:
 _FILES = _contents(files("service") / "static")
 _DIGEST = hashlib.sha256(repr(_FILES).encode()).hexdigest()[:16]
 _ASSETS = f"/assets/{_DIGEST}"
+_IMPORTED = re.compile(r'^import .* from "\./(.+)";$', re.MULTILINE)
+
+
+def _first_modules() -> set[str]:
+    """Return the modules of the first view: what `main.js` imports, and that in turn.
+
+    Those of other views are imported by calls, when such a view is shown.
+    """
+    found: set[str] = set()
+    waiting = {"main.js"}
+    while waiting:
+        found |= waiting
+        imported = {name for file in waiting for name in _IMPORTED.findall(_FILES[file])}
+        waiting = imported - found
+    return found
 
 
 def _page() -> str:
     """Return the page with the URLs of its files; modules load at once, not one after another."""
-    modules = [name for name in _FILES if name.endswith(".js")]
+    modules = sorted(_first_modules())
     preload = "\n".join(f'<link rel="modulepreload" href="{_ASSETS}/{name}">' for name in modules)
     page = _FILES["index.html"].replace("<!-- modules -->", preload)
     return page.replace("{assets}", _ASSETS).replace("{plotly}", _PLOTLY)

@@ -39,6 +39,17 @@ def test_identical_settings_suffice_where_unlike_ones_gain_nothing() -> None:
     assert not said(TASK, "Identical settings suffice")
 
 
+def test_times_in_two_units_are_doubted() -> None:
+    """Seconds of the plant beside minutes of the errors, and hours beside seconds, are told."""
+    for tau, theta, told in ((6000, 1, True), (100, 1, False), (0.01, 1, True), (10, 1, False)):
+        task = Specification(
+            first_order(2, 1, tau, 0.5), Uncertainty.from_error(0.2, theta), Performance(),
+            arrangement=Arrangement.IDENTICAL,
+        )  # fmt: skip
+        words = [each for each in tune(task).warnings if "same unit" in each]
+        assert bool(words) is told
+
+
 def test_unit_that_limits_is_the_slow_one() -> None:
     """Of two units that hardly interact the one with the long dead time limits tau_P."""
     rows = [
