@@ -97,12 +97,23 @@ class ServiceClass(ResultModel):
     )
 
 
+class ReducedGains(ResultModel):
+    """Nominal stability with gains times any factors from `least` to 1."""
+
+    proven: bool = Field(
+        description="Whether no combination of factors is unstable, at every frequency looked at.",
+        examples=[True],
+    )
+    least: float = Field(description="Lower end of the factors.", examples=[1e-4])
+    frequencies: int = Field(description="How many frequencies were looked at.", examples=[567])
+    boxes: int = Field(description="Boxes of factors that it took.", examples=[5])
+
+
 class Detuning(ResultModel):
-    """Nominal stability with gains reduced independently, on a grid of factors."""
+    """Nominal stability with gains reduced independently, on a grid of factors and between."""
 
     factors: list[float] = Field(
-        description="Factors tried on each gain; 0 is a loop in manual. A grid: nothing is proven "
-        "between them.",
+        description="Factors tried on each gain; 0 is a loop in manual.",
         examples=[[0.0, 0.25, 0.5, 0.75, 1.0]],
     )
     by_group: bool = Field(
@@ -116,6 +127,12 @@ class Detuning(ResultModel):
     unstable: int = Field(description="Combinations that are unstable.", examples=[0])
     example: list[float] | None = Field(
         description="Factor of each unit in one of them.", examples=[None]
+    )
+    between: ReducedGains | None = Field(
+        default=None,
+        description="What holds for all factors; null: more than 5 loops, one without integral "
+        "action, or a combination is unstable.",
+        examples=[{"proven": True, "least": 1e-4, "frequencies": 567, "boxes": 5}],
     )
 
 
@@ -183,6 +200,7 @@ def table(result: IntegrityResult) -> list[Part]:
     parts += [Line(text) for text in _proven(result.classes)]
     if result.detuning is not None:
         parts.append(Line(_detuned(result.detuning)))
+        parts += [Line(text) for text in _between(result)]
     if result.controllability is not None:
         verdict = result.controllability.verdict
         parts.append(Line(_CONTROLLABLE[verdict]))
@@ -199,6 +217,25 @@ def _proven(classes: Sequence[ServiceClass]) -> list[str]:
         return ["Proven: no frequency exceeds these peaks by more than 0.01 %."]
     reason = next(guarantee.reason for guarantee in known if guarantee.status != "proven")
     return [f"Proven over all frequencies: {proven} of {len(known)} kinds; else {reason}."]
+
+
+def _between(result: IntegrityResult) -> list[str]:
+    """Say what holds for all factors, and what of those next to zero."""
+    between = None if result.detuning is None else result.detuning.between
+    if between is None:
+        return []
+    if not between.proven:
+        return ["For factors between these nothing is proven."]
+    limit = (
+        "Towards zero the plant's integral controllability says that they stay so."
+        if result.controllability is not None and result.controllability.verdict == "guaranteed"
+        else "Of smaller factors nothing is proven but a loop in manual."
+    )
+    text = (
+        f"Stable with gains times any factors from {between.least:g} to 1, independently: no point "
+        f"of that box is on the limit at any of {between.frequencies} frequencies. {limit}"
+    )
+    return [text]
 
 
 def _peak(peak: Peak | None) -> str:

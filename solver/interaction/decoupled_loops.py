@@ -1,4 +1,4 @@
-"""Closed loops around a statically decoupled plant, interaction included.
+"""Closed loops around a decoupled plant, interaction included.
 
 With Q = P D and diagonal C, C_bar: Y = H_bar Y_sp, H_bar = (I + Q C)^-1 Q C_bar. The
 approximation H neglects products of off-diagonal elements: h_ij = q_ij c_bar_j/(1 + q_ii c_i)
@@ -13,6 +13,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from solver.interaction.dynamic_decoupler import DynamicDecoupler, diagonal_mu
+from solver.interaction.loop_shape import RobustnessLimits
+from solver.interaction.pi_design import LoopDesigner
 from solver.interaction.sampling import dense_frequencies
 from solver.model.controllers import Controller
 from solver.model.frequencies import corners, finite_reach, resonances
@@ -35,14 +38,14 @@ PER_DECADE = 60
 
 @dataclass(frozen=True)
 class DecoupledLoops:
-    """A stable plant behind a static decoupler, under PI controllers with set-point weights.
+    """A stable plant behind a decoupler, under PI controllers with set-point weights.
 
     Attributes
     ----------
     plant : Plant
         P(s), n x n.
-    decoupler : (n, n)
-        D = P(0)^-1.
+    decoupler : (n, n) or DynamicDecoupler
+        D = P(0)^-1, or one with dynamics.
     gains : tuple of ParallelForm
         PI settings, one a loop, with positive integral gains.
     weights : tuple of float
@@ -51,7 +54,7 @@ class DecoupledLoops:
     """
 
     plant: Plant
-    decoupler: NDArray[np.float64]
+    decoupler: NDArray[np.float64] | DynamicDecoupler
     gains: tuple[ParallelForm, ...]
     weights: tuple[float, ...]
 
@@ -73,6 +76,20 @@ class DecoupledLoops:
         )
         return np.asarray(result, dtype=np.complex128)
 
+    def process(self, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Return Q at `omega` (k,) rad per time unit, (k, n, n)."""
+        return self._process(omega)
+
+    def tolerated_input_error(self, omega: NDArray[np.float64]) -> float:
+        """Return the relative error of each input, of any phase, up to which they stay stable.
+
+        1/max mu(T_I) over `omega`, T_I = D C (I + P D C)^-1 P at the plant's inputs.
+        """
+        DC = self._decoupler(omega) * self._feedback(omega)[:, None, :]
+        P = self.plant.response(omega)
+        T = DC @ np.linalg.solve(np.eye(self.plant.n) + P @ DC, P)
+        return float(1 / np.max(diagonal_mu(T)))
+
     def frequencies(self) -> NDArray[np.float64]:
         """Return frequencies (k,) that resolve the plant, up to where its loops end."""
         plant = dense_frequencies(self.plant.elements)
@@ -88,6 +105,12 @@ class DecoupledLoops:
         def loop_gain(omega: NDArray[np.float64]) -> NDArray[np.complex128]:
             return (self._process(omega) * self._feedback(omega)[:, None, :])[:, None]
 
+        if isinstance(self.decoupler, DynamicDecoupler):
+            # Q is diagonal and the decoupler stable: what the loops are alone.
+            return all(
+                LoopDesigner(process, RobustnessLimits()).given(gains).sensitivity is not None
+                for process, gains in zip(self.decoupler.processes, self.gains, strict=True)
+            )
         k = np.array([g.proportional_gain for g in self.gains])
         passed = {
             time: (feedthrough(self.plant, time) @ self.decoupler * k)[None]
@@ -107,12 +130,19 @@ class DecoupledLoops:
         own = [
             Controller(abs(g.proportional_gain), None) for g in self.gains if g.proportional_gain
         ]
-        most = float(np.abs(self.decoupler).sum())
+        D = self._decoupler(dense_frequencies(self.plant.elements))
+        most = float(np.abs(D).sum(axis=(-2, -1)).max())
         scaled = [Controller(most * controller.gain, None) for controller in own]
         return BEYOND * max(finite_reach(self.plant, scaled), default=0.0)
 
     def _process(self, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
-        return np.asarray(self.plant.response(omega) @ self.decoupler, dtype=np.complex128)
+        D = self._decoupler(omega)
+        return np.asarray(self.plant.response(omega) @ D, dtype=np.complex128)
+
+    def _decoupler(self, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
+        if isinstance(self.decoupler, DynamicDecoupler):
+            return self.decoupler.response(omega)
+        return np.asarray(self.decoupler, dtype=np.complex128)
 
     def _feedback(self, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
         return _pi(omega, self.gains, [1.0] * len(self.gains))

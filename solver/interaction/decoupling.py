@@ -1,4 +1,4 @@
-"""Static decoupling and PI design of the decoupled loops.
+"""Decoupling and PI design of the decoupled loops.
 
 Astrom and Hagglund, chapter 11.3: u = D u_bar with D = P(0)^-1 leaves the loops Q(s) = P(s) D,
 Q(0) = I, whose remaining interaction is q_ij(s) = kappa_ij s + ... Each loop gets the PI
@@ -8,13 +8,14 @@ controller u_bar_j = b_j k_j y_sp_j - k_j y_j + (k_Ij/s)(y_sp_j - y_j).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from solver.interaction.decoupled_loops import DecoupledLoops
 from solver.interaction.detuning import detuned
+from solver.interaction.dynamic_decoupler import DynamicDecoupler
 from solver.interaction.loop_shape import RobustnessLimits
 from solver.interaction.pi_design import DesignStatus, LoopDesigner, PIDesign
 from solver.interaction.relative_gain import relative_gain_array, relative_gain_at
@@ -33,11 +34,18 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from solver.model.controllers import ParallelForm
+    from solver.model.transfer_function import TransferFunction
 
 __all__ = ["DecoupledClosedLoop", "Decoupling", "DecouplingSpecification", "decouple"]
 
 INPUT_ERROR = 0.2  # relative error of an input, that of the default uncertainty weight
 NOISE = 1e-12  # of the largest peak: what an exact zero leaves
+MUCH_LOST = 0.5  # of the integral gain: the integrated error is doubled
+_LOST = (
+    "Loop {} gives up {:.0%} of its integral gain for the others: much performance is lost to "
+    "interaction. Compare a dynamic decoupler, single loops (mutune tune) and any controller "
+    "(mutune limit)."
+)
 _UNLIKE = 2.0  # factor between index and peak from which the estimate misleads
 _MATTERS = 0.1  # interaction below this is small whatever the estimate says
 _POINTS = 200  # of the curves; the peaks are read off a dense grid
@@ -64,6 +72,12 @@ class DecouplingSpecification(ByValue):
     gains : tuple of ParallelForm or None
         Own settings k and k_I of the decoupled loops, one a loop, analysed as they are; None: they
         are designed.
+    dynamic : bool
+        A dynamic decoupler, for two loops whose own elements can be inverted; else P(0)^-1.
+    slower : float or None
+        Factor >= 1 by which the integral gains are divided after the design, the proportional
+        gains by its square root: eq. (7.27) of Astrom and Hagglund, as Example 11.6 uses it. The
+        integrated error after a load step grows by that factor.
 
     """
 
@@ -73,11 +87,14 @@ class DecouplingSpecification(ByValue):
     set_point_weights: tuple[float, ...] | None = None
     omega: NDArray[np.float64] | None = None
     gains: tuple[ParallelForm, ...] | None = None
+    dynamic: bool = False
+    slower: float | None = None
 
     def __post_init__(self) -> None:
         self._settle()
         self._check_plant()
         self._check_gains()
+        self._check_slower()
         if self.max_index is not None and not 0 < self.max_index <= 1e6:
             message = "the interaction index must be positive and at most 1e6"
             raise InvalidInputError(message, "/max_index")
@@ -112,6 +129,17 @@ class DecouplingSpecification(ByValue):
         if is_singular(self.plant.static_gain()):
             message = "the static gain is singular: it has no inverse to decouple with"
             raise InvalidInputError(message, "/plant")
+
+    def _check_slower(self) -> None:
+        if self.slower is None:
+            return
+        settle(self, slower=real(self.slower, "/slower"))
+        if not 1 <= self.slower <= 1e6:
+            message = "the factor must lie in 1..1e6"
+            raise InvalidInputError(message, "/slower")
+        if self.max_index is not None or self.gains is not None:
+            message = "designed loops are made slower: leave max_index and gains out"
+            raise InvalidInputError(message, "/slower")
 
     def _check_gains(self) -> None:
         if self.gains is None:
@@ -159,6 +187,11 @@ class DecoupledClosedLoop:
     indices : (n, n)
         Interaction indices |kappa_ij k_Ij| M_si, eq. 11.10: a crude estimate of the peaks off
         the diagonal, how loop j disturbs loop i. Zero on the diagonal.
+    process : (k, n, n) complex
+        Q = P D, the decoupled process.
+    tolerated_input_error : float or None
+        Relative error of every input at once, of any phase, up to which the loops stay stable;
+        None where they are not.
 
     """
 
@@ -169,6 +202,8 @@ class DecoupledClosedLoop:
     approximate_peaks: NDArray[np.float64]
     exact_peaks: NDArray[np.float64]
     indices: NDArray[np.float64]
+    process: NDArray[np.complex128]
+    tolerated_input_error: float | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,9 +213,12 @@ class Decoupling(ByValue):
     Attributes
     ----------
     decoupler : (n, n)
-        D = P(0)^-1.
+        D = P(0)^-1, of a dynamic one its static gain.
+    elements : tuple of TransferFunction or None
+        Of a dynamic decoupler: -p_12/p_11 and -p_21/p_22.
     kappa : (n, n)
-        Q'(0), dead time exact; time units. Off the diagonal the kappa_ij of the book.
+        Q'(0), dead time exact; time units. Off the diagonal the kappa_ij of the book. Zero for a
+        dynamic decoupler.
     loops : tuple of PIDesign
         Settings, one a loop.
     set_point_weights : tuple of float
@@ -198,6 +236,7 @@ class Decoupling(ByValue):
     """
 
     decoupler: NDArray[np.float64]
+    elements: tuple[TransferFunction, TransferFunction] | None
     kappa: NDArray[np.float64]
     loops: tuple[PIDesign, ...]
     set_point_weights: tuple[float, ...]
@@ -229,12 +268,15 @@ def decouple(specification: DecouplingSpecification) -> Decoupling:
     instance(specification, DecouplingSpecification, "")
     plant = specification.plant
     D = np.asarray(np.linalg.inv(plant.static_gain()), dtype=np.float64)
-    kappa = _first_coefficients(plant, D)
-    loops = _loops(specification, D, kappa)
-    closed_loop = _closed_loop(specification, D, kappa, loops)
+    dynamic = DynamicDecoupler.of(plant) if specification.dynamic else None
+    kappa = np.zeros_like(D) if dynamic else _first_coefficients(plant, D)
+    decoupler = D if dynamic is None else dynamic
+    loops = _loops(specification, decoupler, kappa)
+    closed_loop = _closed_loop(specification, decoupler, kappa, loops)
     error_gain = _input_error_gain(plant, loops)
     return Decoupling(
         decoupler=D,
+        elements=None if dynamic is None else (dynamic.first, dynamic.second),
         kappa=kappa,
         loops=tuple(loops),
         set_point_weights=specification.weights,
@@ -254,12 +296,16 @@ def _first_coefficients(plant: Plant, D: NDArray[np.float64]) -> NDArray[np.floa
 
 
 def _loops(
-    specification: DecouplingSpecification, D: NDArray[np.float64], kappa: NDArray[np.float64]
+    specification: DecouplingSpecification,
+    D: NDArray[np.float64] | DynamicDecoupler,
+    kappa: NDArray[np.float64],
 ) -> list[PIDesign]:
     """Return the loops as given, as designed, or detuned by the exact peaks."""
     plant = specification.plant
     size = range(plant.n)
-    if isinstance(plant, ParallelPlant):  # all loops are alike
+    if isinstance(D, DynamicDecoupler):
+        designers = [LoopDesigner(process, specification.limits) for process in D.processes]
+    elif isinstance(plant, ParallelPlant):  # all loops are alike
         others = (plant.n - 1) * float(D[0, -1]) if plant.n > 1 else 0.0
         process = WeightedSum((float(D[0, 0]), others), (plant.process, plant.interaction))
         designers = [LoopDesigner(process, specification.limits)] * plant.n
@@ -288,6 +334,11 @@ def _loops(
         return [known[key] for key in zip(designers, limits.tolist(), strict=True)]
 
     free = designs(np.full(plant.n, math.inf))
+    if specification.slower is not None:
+        return [
+            _slower(designer, design, specification.slower)
+            for designer, design in zip(designers, free, strict=True)
+        ]
     if specification.max_index is None:
         return free
 
@@ -305,6 +356,18 @@ def _loops(
     return detuned(designs, peaks, specification.max_index, start)
 
 
+def _slower(designer: LoopDesigner, design: PIDesign, factor: float) -> PIDesign:
+    """Return a design with k_I over the factor and k over its square root, eq. (7.27)."""
+    if design.gains is None:
+        return design
+    gains = replace(
+        design.gains,
+        integral_gain=design.gains.integral_gain / factor,
+        proportional_gain=design.gains.proportional_gain / math.sqrt(factor),
+    )
+    return replace(designer.given(gains), status=DesignStatus.DETUNED)
+
+
 def _integral_gain_limits(
     kappa: NDArray[np.float64], specification: DecouplingSpecification, max_index: float
 ) -> NDArray[np.float64]:
@@ -318,7 +381,7 @@ def _integral_gain_limits(
 
 def _closed_loop(
     specification: DecouplingSpecification,
-    D: NDArray[np.float64],
+    D: NDArray[np.float64] | DynamicDecoupler,
     kappa: NDArray[np.float64],
     loops: list[PIDesign],
 ) -> DecoupledClosedLoop | None:
@@ -349,6 +412,8 @@ def _closed_loop(
         approximate_peaks=_peaks(np.abs(system.approximate(dense))),
         exact_peaks=exact_peaks,
         indices=indices,
+        process=system.process(omega),
+        tolerated_input_error=system.tolerated_input_error(dense) if stable else None,
     )
 
 
@@ -407,6 +472,12 @@ def _warnings(
     ]
     if closed_loop is not None and closed_loop.stable:
         warnings += _interaction_warnings(closed_loop, max_index)
+    warnings += _fragile(closed_loop)
+    warnings += [
+        _LOST.format(index + 1, lost)
+        for index, loop in enumerate(loops)
+        if (lost := _lost(loop)) > MUCH_LOST
+    ]
     if closed_loop is not None and not closed_loop.stable:
         why = "" if unstable_alone else f": {TOO_STRONG}"
         advice = "Give lower gains." if loops[0].status is DesignStatus.GIVEN else SMALLER_INDEX
@@ -418,6 +489,27 @@ def _warnings(
             "dangerous here. Prefer single loops tuned for robust performance."
         )
     return tuple(warnings)
+
+
+def _fragile(closed_loop: DecoupledClosedLoop | None) -> list[str]:
+    """Say how small an error of the inputs can make the loops unstable."""
+    tolerated = None if closed_loop is None else closed_loop.tolerated_input_error
+    if tolerated is None or tolerated >= INPUT_ERROR:
+        return []
+    text = (
+        f"An error of {tolerated:.1%} in the inputs can make the loops unstable: the decoupler is "
+        "fragile. Compare with single loops tuned for robust performance (mutune tune)."
+    )
+    return [text]
+
+
+def _lost(loop: PIDesign) -> float:
+    """Return the share of the greatest integral gain that detuning took."""
+    if loop.status is not DesignStatus.DETUNED or loop.gains is None:
+        return 0.0
+    if not loop.greatest_integral_gain:
+        return 0.0
+    return 1 - loop.gains.integral_gain / loop.greatest_integral_gain
 
 
 def _interaction_warnings(closed_loop: DecoupledClosedLoop, max_index: float | None) -> list[str]:

@@ -15,7 +15,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy
 
-from solver.interaction.parallel_drives import ParallelDrives, mended_model, original_model
+from solver.interaction.parallel_drives import (
+    ParallelDrives,
+    alternative,
+    mended_model,
+    original_model,
+)
 from solver.model.errors import InvalidInputError
 from solver.model.validation import instance, integer, real, settle
 
@@ -34,6 +39,7 @@ __all__ = [
 ]
 
 MAX_POINTS = 10_000
+_NOTHING = 1e-9
 _BOUND = 1e9  # a response beyond it is cut off: the loop is unstable
 
 
@@ -149,13 +155,15 @@ class DriveResponse:
 
 @dataclass(frozen=True)
 class DriveSimulation:
-    """Responses of the `original` units, and of those `mended` by one integrator shared out.
+    """Responses of the `original` units, and of those that are mended.
 
-    `mended` is None without integral action.
+    `mended`: by one integrator shared out; None without integral action. `alternative`: with all
+    integral action in one unit; None where at most one has any.
     """
 
     original: DriveResponse
     mended: DriveResponse | None
+    alternative: DriveResponse | None
 
 
 def simulate_drives(experiment: DriveExperiment) -> DriveSimulation:
@@ -174,10 +182,12 @@ def simulate_drives(experiment: DriveExperiment) -> DriveSimulation:
     """
     instance(experiment, DriveExperiment, "")
     system = experiment.system
-    mended = None
+    mended = other = None
     if system.integrating:
         mended = _simulate(mended_model(system), experiment)
-    return DriveSimulation(_simulate(original_model(system), experiment), mended)
+    if len(system.integrating) > 1:
+        other = _simulate(original_model(alternative(system)), experiment)
+    return DriveSimulation(_simulate(original_model(system), experiment), mended, other)
 
 
 def _simulate(model: DriveModel, experiment: DriveExperiment) -> DriveResponse:
@@ -190,6 +200,8 @@ def _simulate(model: DriveModel, experiment: DriveExperiment) -> DriveResponse:
         scenario.pulse_time + scenario.pulse_duration,
         scenario.end,
     )
+    # A bias acts on the load as the opposite of a load does, from 0 on.
+    biases = np.array([drive.bias for drive in experiment.system.drives])
     x = np.zeros(states)
     pieces: list[tuple[float, NDArray[np.float64], NDArray[np.float64]]] = []
     bounded = True
@@ -197,7 +209,7 @@ def _simulate(model: DriveModel, experiment: DriveExperiment) -> DriveResponse:
     for start, end in itertools.pairwise(edges):
         v = np.zeros(inputs)
         v[0] = scenario.set_point
-        v[1] = scenario.load if start >= scenario.load_time else 0.0
+        v[1] = (scenario.load if start >= scenario.load_time else 0.0) - biases.sum()
         v[disturbed] = scenario.pulse if start == scenario.pulse_time else 0.0
         steps = max(math.ceil(scenario.points * (end - start) / scenario.end), 2)
         block = np.zeros((states + inputs, states + inputs))
@@ -211,7 +223,9 @@ def _simulate(model: DriveModel, experiment: DriveExperiment) -> DriveResponse:
             if not np.max(np.abs(x)) <= _BOUND:
                 bounded = False
                 break
-            pieces.append((start + (end - start) * index / steps, v, model.C @ x + model.D @ v))
+            outputs = model.C @ x + model.D @ v
+            outputs[1:] += biases
+            pieces.append((start + (end - start) * index / steps, v, outputs))
         if not bounded:
             break
         marks.append(pieces[-1][2][1:])
@@ -220,7 +234,7 @@ def _simulate(model: DriveModel, experiment: DriveExperiment) -> DriveResponse:
     return DriveResponse(
         time=np.array([piece[0] for piece in pieces]),
         set_point=v[:, 0],
-        load=v[:, 1],
+        load=v[:, 1] + biases.sum(),
         measurement_error=v[:, disturbed],
         output=y[:, 0],
         efforts=y[:, 1:],
@@ -233,4 +247,6 @@ def _simulate(model: DriveModel, experiment: DriveExperiment) -> DriveResponse:
 def _shares(marks: list[NDArray[np.float64]], index: int, units: int) -> NDArray[np.float64]:
     if index >= len(marks) or np.sum(marks[index]) == 0:
         return np.full(units, np.nan)
-    return np.asarray(marks[index] / np.sum(marks[index]), dtype=np.float64)
+    shares = marks[index] / np.sum(marks[index])
+    # What is left of a share of nothing is what the transient has left of it, and rounding.
+    return np.asarray(np.where(np.abs(shares) < _NOTHING, 0.0, shares), dtype=np.float64)

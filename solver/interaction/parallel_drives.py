@@ -32,6 +32,8 @@ __all__ = [
     "DriveModel",
     "ParallelDrives",
     "Remedy",
+    "SteadyState",
+    "alternative",
     "analyse_drives",
     "mended_model",
     "original_model",
@@ -44,12 +46,21 @@ _RANK_TOLERANCE = 1e-10
 
 @dataclass(frozen=True)
 class Drive:
-    """PI controller of a unit: `proportional_gain` + `integral_gain`/s, neither negative."""
+    """PI controller of a unit: `bias` + (`proportional_gain` + `integral_gain`/s) e.
+
+    Gains are not negative. The bias is the unit's effort where output and set point agree, M_i0 of
+    eq. 11.12.
+    """
 
     proportional_gain: float
     integral_gain: float = 0.0
+    bias: float = 0.0
 
     def __post_init__(self) -> None:
+        settle(self, bias=real(self.bias, "/bias"))
+        if not abs(self.bias) <= 1e12:
+            message = "a bias must be at most 1e12 in magnitude"
+            raise InvalidInputError(message, "/bias")
         for name in ("proportional_gain", "integral_gain"):
             settle(self, **{name: real(getattr(self, name), f"/{name}")})
             if not 0 <= getattr(self, name) <= 1e12:
@@ -194,6 +205,11 @@ class DriveAnalysis(ByValue):
         Which controllers cause it, and what happens.
     remedy : Remedy or None
         None without integral action: there is a steady-state error instead.
+    alternative : ParallelDrives or None
+        The other remedy: the integral action of all units in one of them, the others proportional.
+        That one takes up the steady load. None where it changes nothing.
+    steady : SteadyState or None
+        Of units without integral action; None with it, or where the load integrates.
 
     """
 
@@ -205,6 +221,31 @@ class DriveAnalysis(ByValue):
     stable: bool
     text: str
     remedy: Remedy | None
+    alternative: ParallelDrives | None
+    steady: SteadyState | None
+
+
+@dataclass(frozen=True)
+class SteadyState:
+    """Where proportional units come to rest under unit set point and unit load.
+
+    With a finite static gain of the load, G(0); w = (G K w_sp + G (sum of biases - M_L))/(1 + G K),
+    K the sum of the gains (Astrom and Hagglund, section 11.4; G = 1/D).
+
+    Attributes
+    ----------
+    set_point, load, bias : float
+        Share of the set point that is reached; change of the output for a load of 1; what the
+        biases alone make.
+    effort_ratios : tuple of float
+        (M_i - M_i0) of each unit over that of the first one with a gain: as the gains.
+
+    """
+
+    set_point: float
+    load: float
+    bias: float
+    effort_ratios: tuple[float, ...]
 
 
 def analyse_drives(system: ParallelDrives) -> DriveAnalysis:
@@ -235,6 +276,37 @@ def analyse_drives(system: ParallelDrives) -> DriveAnalysis:
         stable=bool(np.all(visible.real < 0)),
         text=_explanation(system),
         remedy=_remedy(system) if system.integrating else None,
+        alternative=alternative(system) if len(system.integrating) > 1 else None,
+        steady=_steady(system),
+    )
+
+
+def alternative(system: ParallelDrives) -> ParallelDrives:
+    """Return the units with all integral action in that which has most of it, others proportional.
+
+    The common output answers set point and load as before: it sees the sum of the integral gains.
+    """
+    integral = [drive.integral_gain for drive in system.drives]
+    chosen = int(np.argmax(integral))
+    drives = [
+        Drive(drive.proportional_gain, sum(integral) if unit == chosen else 0.0, drive.bias)
+        for unit, drive in enumerate(system.drives)
+    ]
+    return ParallelDrives(system.load, drives, system.shares)
+
+
+def _steady(system: ParallelDrives) -> SteadyState | None:
+    gain = system.load.static_gain
+    if system.integrating or not math.isfinite(gain):
+        return None
+    gains = [drive.proportional_gain for drive in system.drives]
+    total = 1 + gain * sum(gains)
+    first = next(each for each in gains if each)
+    return SteadyState(
+        set_point=gain * sum(gains) / total,
+        load=-gain / total,
+        bias=gain * sum(drive.bias for drive in system.drives) / total,
+        effort_ratios=tuple(each / first for each in gains),
     )
 
 

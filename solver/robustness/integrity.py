@@ -31,6 +31,7 @@ from solver.model.subsystems import interchangeable, subsystem
 from solver.robustness.axis import kept, proven_peaks, require_bounded
 from solver.robustness.curves import LoopAnalysis
 from solver.robustness.record import Guarantee, GuaranteeStatus
+from solver.robustness.reduced_gains import ReducedGains, reduced_gains
 from solver.robustness.subset_peaks import peaks
 from solver.robustness.subsets import Subsets
 
@@ -91,7 +92,7 @@ class ServiceClass:
 
 @dataclass(frozen=True)
 class Detuning:
-    """Nominal stability with gains reduced independently, on a grid: no proof between its points.
+    """Nominal stability with gains reduced independently: on a grid, and between its points.
 
     Attributes
     ----------
@@ -103,6 +104,9 @@ class Detuning:
         Combinations tried, interchangeable ones once, and those found unstable.
     example : tuple of float or None
         Factor of each unit in an unstable combination.
+    between : ReducedGains or None
+        What holds for all factors between those of the grid; None with more loops than it takes, or
+        where a combination is unstable anyway.
 
     """
 
@@ -111,6 +115,7 @@ class Detuning:
     combinations: int
     unstable: int
     example: tuple[float, ...] | None
+    between: ReducedGains | None = None
 
 
 @dataclass(frozen=True)
@@ -427,6 +432,7 @@ def _detuned(
         combinations=len(factor),
         unstable=int(np.count_nonzero(unstable)),
         example=tuple(factor[np.argmax(unstable)].tolist()) if unstable.any() else None,
+        between=None if unstable.any() else reduced_gains(plant, loops),
     )
 
 

@@ -1,6 +1,6 @@
-"""Decouple a plant statically and design its loops.
+"""Decouple a plant and design its loops.
 
-Return a static decoupler, PI settings with the greatest integral gain, and responses.
+Return a decoupler, PI settings with the greatest integral gain, and responses.
 """
 
 from __future__ import annotations
@@ -52,6 +52,7 @@ EXAMPLE: dict[str, JsonValue] = {
 PositiveGain = Annotated[float, Field(gt=0, le=LARGEST, json_schema_extra={"x-unit": "gain"})]
 PeakLimit = Annotated[float, Field(gt=1, le=1e3, json_schema_extra={"x-unit": "1"})]
 Weight = Annotated[float, Field(ge=0, le=1, json_schema_extra={"x-unit": "1"})]
+Factor = Annotated[float, Field(ge=1, le=1e6, json_schema_extra={"x-unit": "1"})]
 Index = Annotated[float, Field(gt=0, le=1e6, json_schema_extra={"x-unit": "1"})]
 Matrix = list[list[float | None]]
 Responses = list[list[list[Complex]]]
@@ -114,6 +115,19 @@ class DecouplingRequest(AnalysisRequest):
         examples=[None, [{"proportional_gain": 0.2975, "integral_gain": 0.342}] * 2],
     )
 
+    decoupler: Literal["static", "dynamic"] = Field(
+        default="static",
+        description="static: the inverse of the static gain. dynamic: for two loops, what each "
+        "does to the other is cancelled at all frequencies, where that can be built.",
+        examples=["static"],
+    )
+    slower: Factor | None = Field(
+        default=None,
+        description="Integral gains are divided by this factor after the design, proportional "
+        "gains by its square root; null: they are not.",
+        examples=[None, 4.0],
+    )
+
     model_config = ConfigDict(json_schema_extra={"examples": [EXAMPLE]})
 
     def build(self) -> DecouplingSpecification:
@@ -129,6 +143,8 @@ class DecouplingRequest(AnalysisRequest):
             self.set_point_weights,
             ascending(self.omega),
             None if self.gains is None else tuple(gains.build() for gains in self.gains),
+            dynamic=self.decoupler == "dynamic",
+            slower=self.slower,
         )
 
 
@@ -163,6 +179,14 @@ class PIDesign(BaseModel):
     )
 
 
+class DecouplerElement(BaseModel):
+    """A transfer function of a dynamic decoupler."""
+
+    num: list[float] = Field(description="Numerator, descending powers.", examples=[[1.0]])
+    den: list[float] = Field(description="Denominator.", examples=[[10.0, 1.0]])
+    dead_time: float = Field(description="Dead time.", examples=[2.0])
+
+
 class ClosedLoop(BaseModel):
     """The decoupled loops together."""
 
@@ -191,14 +215,31 @@ class ClosedLoop(BaseModel):
         "crude estimate of the peaks.",
         examples=[[[0.0, 5.9], [1.3, 0.0]]],
     )
+    process: Responses = Field(
+        default=[],
+        description="Q = P D, the decoupled process, at the frequencies.",
+        examples=[[[[{"re": 1.0, "im": 0.0}]]]],
+    )
+    tolerated_input_error: float | None = Field(
+        default=None,
+        description="Relative error of all inputs at once, of any phase, up to which the loops "
+        "stay stable, by mu; null: they are not stable.",
+        examples=[0.35],
+    )
 
 
 class DecouplingResult(IdentifiedResult):
     """A static decoupler and its loops."""
 
     decoupler: Matrix = Field(
-        description="D: the inverse of the static gain.",
+        description="D: the inverse of the static gain; of a dynamic one its static gain.",
         examples=[[[0.157, -0.153], [0.053, -0.104]]],
+    )
+    elements: list[DecouplerElement] | None = Field(
+        default=None,
+        description="Of a dynamic decoupler: -p12/p11, from controller 2 to input 1, and -p21/p22, "
+        "from controller 1 to input 2; null: static.",
+        examples=[None],
     )
     kappa: Matrix = Field(
         description="First Taylor coefficients of P(s) D, time units; off the diagonal the "
@@ -239,6 +280,10 @@ def table(result: DecouplingResult) -> list[Part]:
             matrix("Peak of |H|", result.closed_loop.exact_peaks, "output", "set point"),
             Line(f"The loops together are {stable}."),
         ]
+        tolerated = result.closed_loop.tolerated_input_error
+        if tolerated is not None:
+            percent = number(100 * tolerated, 3)
+            parts.append(Line(f"They stay stable with every input off by up to {percent} %."))
     return [*parts, *warning_lines(result.warnings)]
 
 

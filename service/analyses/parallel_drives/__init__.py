@@ -49,6 +49,7 @@ EXAMPLE: dict[str, JsonValue] = {
 }
 
 DriveGain = Annotated[float, Field(ge=0, le=LARGEST, json_schema_extra={"x-unit": "gain"})]
+Bias = Annotated[float, Field(ge=-LARGEST, le=LARGEST, json_schema_extra={"x-unit": "signal"})]
 Share = Annotated[float, Field(ge=0, le=1, json_schema_extra={"x-unit": "1"})]
 Height = Annotated[float, Field(ge=-1e6, le=1e6, json_schema_extra={"x-unit": "signal"})]
 UnitIndex = Annotated[int, Field(ge=0, lt=MAX_DRIVES, json_schema_extra={"x-unit": "1"}), WHOLE]
@@ -63,9 +64,15 @@ class DriveSettings(RequestModel):
         default=0.0, description="K_I, not negative; 0: no integral action.", examples=[0.5]
     )
 
+    bias: Bias = Field(
+        default=0.0,
+        description="M_i0: effort where output and set point agree, from 0 on.",
+        examples=[0.0],
+    )
+
     def build(self) -> Drive:
         """Return the solver's unit."""
-        return Drive(self.proportional_gain, self.integral_gain)
+        return Drive(self.proportional_gain, self.integral_gain, self.bias)
 
 
 class Scenario(RequestModel):
@@ -200,6 +207,32 @@ class Remedy(BaseModel):
     text: str = Field(description="The remedy in words.", examples=["Use one integrator ..."])
 
 
+class RemainingDrive(BaseModel):
+    """A controller of the other remedy."""
+
+    proportional_gain: float = Field(description="K.", examples=[1.0])
+    integral_gain: float = Field(description="K_I; zero in all units but one.", examples=[1.0])
+    bias: float = Field(description="M_i0.", examples=[0.0])
+
+
+class OneIntegrator(BaseModel):
+    """The other remedy: one unit with all integral action, the others proportional."""
+
+    drives: list[RemainingDrive] = Field(description="The units' controllers.", examples=[[]])
+
+
+class SteadyState(BaseModel):
+    """Where proportional units come to rest."""
+
+    set_point: float = Field(description="Share of the set point reached.", examples=[0.889])
+    load: float = Field(description="Change of the output for a load of 1.", examples=[-0.222])
+    bias: float = Field(description="Output that the biases alone make.", examples=[0.0])
+    effort_ratios: list[float] = Field(
+        description="(M_i - M_i0) of each unit over that of the first one with a gain.",
+        examples=[[1.0, 3.0]],
+    )
+
+
 class DriveAnalysisResult(BaseModel):
     """Integrator modes that the common signals neither move nor show."""
 
@@ -226,6 +259,17 @@ class DriveAnalysisResult(BaseModel):
         examples=["Units 1 and 2 integrate the same error ..."],
     )
     remedy: Remedy | None = Field(description="Null without integral action.", examples=[None])
+    alternative: OneIntegrator | None = Field(
+        default=None,
+        description="All integral action in one unit, which then takes up the steady load; null: "
+        "at most one has any.",
+        examples=[None],
+    )
+    steady: SteadyState | None = Field(
+        default=None,
+        description="Of units without integral action on a load that does not integrate.",
+        examples=[None],
+    )
 
 
 class DriveResponse(BaseModel):
@@ -262,6 +306,11 @@ class DriveSimulationResult(BaseModel):
         description="With one integrator shared out; null without integral action.",
         examples=[_RESPONSE],
     )
+    alternative: DriveResponse | None = Field(
+        default=None,
+        description="With all integral action in one unit; null: at most one has any.",
+        examples=[None],
+    )
 
 
 class ParallelDrivesResult(IdentifiedResult):
@@ -291,17 +340,37 @@ def table(result: ParallelDrivesResult) -> list[Part]:
         parts.append(Line("The loop is unstable.", "alarm"))
     if analysis.remedy is not None:
         parts.append(Line(analysis.remedy.text))
-    before, after = simulation.original, simulation.mended
+    if analysis.alternative is not None:
+        gains = [drive.integral_gain for drive in analysis.alternative.drives]
+        chosen = max(range(len(gains)), key=gains.__getitem__)
+        parts.append(
+            Line(
+                f"Or else: all integral action, {number(gains[chosen])}, in unit {chosen + 1}, the "
+                "others proportional. Nothing drifts; that unit takes up the steady load."
+            )
+        )
+    if analysis.steady is not None:
+        steady = analysis.steady
+        parts.append(
+            Line(
+                f"At rest the output is {number(steady.set_point)} times the set point, "
+                f"{number(steady.load)} for each unit of load, {number(steady.bias)} by the "
+                "biases; the efforts beyond the biases are shared "
+                f"{' : '.join(map(number, steady.effort_ratios))}."
+            )
+        )
+    before, after, other = simulation.original, simulation.mended, simulation.alternative
     rows = [
         (
             f"unit {index + 1}",
             number(before.shares_before_pulse[index]),
             number(before.shares_at_end[index]),
             number(None if after is None else after.shares_at_end[index]),
+            number(None if other is None else other.shares_at_end[index]),
         )
         for index in range(len(before.shares_at_end))
     ]
-    heads = ("Share of the effort", "before the pulse", "at the end", "at the end, mended")
+    heads = ("Share of the effort", "before the pulse", "at the end", "mended", "or else")
     return [*parts, Grid(heads, rows)]
 
 

@@ -85,7 +85,8 @@ def test_example_11_6(wood_berry: Decoupling) -> None:
     indices = result.closed_loop.indices
     assert indices[0, 1] == pytest.approx(5.8, abs=0.1)
     assert indices[1, 0] == pytest.approx(1.26, abs=0.02)
-    (warning,) = result.warnings
+    warning, fragile = result.warnings
+    assert "17.1% in the inputs" in fragile
     assert "says 5.88, the true peak is 0.433" in warning
 
 
@@ -375,3 +376,83 @@ def test_interaction_that_is_not_there_has_no_peak() -> None:
     assert result.closed_loop is not None
     peaks = result.closed_loop.exact_peaks
     assert np.all(peaks[~np.eye(3, dtype=bool)] == 0)
+
+
+COLUMN = MatrixPlant(
+    [
+        [TransferFunction([12.8], [16.7, 1], 1), TransferFunction([-18.9], [21, 1], 3)],
+        [TransferFunction([6.6], [10.9, 1], 7), TransferFunction([-19.4], [14.4, 1], 3)],
+    ]
+)
+
+
+def test_a_dynamic_decoupler_leaves_no_interaction() -> None:
+    """Q is diagonal at every frequency, its static gain 1, and the loops are those of their own."""
+    found = decouple(DecouplingSpecification(COLUMN, dynamic=True))
+    closed = found.closed_loop
+    assert closed is not None
+    assert closed.stable
+    off = closed.process[:, [0, 1], [1, 0]]
+    assert np.abs(off).max() < 1e-12 * np.abs(closed.process).max()
+    np.testing.assert_allclose(closed.process[0].real, np.eye(2), atol=1e-3)
+    np.testing.assert_allclose(closed.exact, closed.approximate, atol=1e-9)
+    assert found.elements is not None
+    assert [element.dead_time for element in found.elements] == [2, 4]
+
+
+@pytest.mark.parametrize(
+    ("first", "reason"),
+    [
+        (TransferFunction([1], [1, 1], 9), "prediction"),
+        (TransferFunction([1], [1, 2, 1]), "derivatives"),
+        (TransferFunction([-1, 1], [1, 2]), "right half plane"),
+    ],
+)
+def test_a_dynamic_decoupler_that_cannot_be_built_is_refused(
+    first: TransferFunction, reason: str
+) -> None:
+    """The reason is said, and that the static one remains."""
+    cross, own = TransferFunction([0.5], [2, 1]), TransferFunction([1], [1, 1])
+    plant = MatrixPlant([[first, cross], [cross, own]])
+    with pytest.raises((InvalidInputError, UnsupportedPlantError), match=reason):
+        decouple(DecouplingSpecification(plant, dynamic=True))
+
+
+def test_slower_loops_are_those_of_example_11_6() -> None:
+    """Integral gains over 4, proportional gains over 2, eq. (7.27)."""
+    fast = decouple(DecouplingSpecification(COLUMN))
+    slow = decouple(DecouplingSpecification(COLUMN, slower=4.0))
+    for before, after in zip(fast.loops, slow.loops, strict=True):
+        assert before.gains is not None
+        assert after.gains is not None
+        assert after.gains.integral_gain == before.gains.integral_gain / 4
+        assert after.gains.proportional_gain == before.gains.proportional_gain / 2
+    printed = [(1.174, 0.384), (0.293, 0.0745)]
+    for design, (k, k_i) in zip(slow.loops, printed, strict=True):
+        assert design.gains is not None
+        assert design.gains.proportional_gain == pytest.approx(k, rel=1e-2)
+        assert design.gains.integral_gain == pytest.approx(k_i, rel=1e-2)
+
+
+def test_the_tolerated_input_error_is_where_the_loops_become_unstable() -> None:
+    """Gains of the inputs off by a little less are stable, off by any signs; some phase is not."""
+    found = decouple(DecouplingSpecification(COLUMN)).closed_loop
+    assert found is not None
+    tolerated = found.tolerated_input_error
+    assert tolerated is not None
+    D = np.linalg.inv(COLUMN.static_gain())
+    design = decouple(DecouplingSpecification(COLUMN)).loops
+    c = np.array([[d.gains.proportional_gain, d.gains.integral_gain] for d in design if d.gains])
+    omega = np.geomspace(1e-2, 5, 3000)
+    C = c[:, 0] - 1j * c[:, 1] / omega[:, None]
+    K = D * C[:, None, :]
+    P = COLUMN.response(omega)
+    T = K @ np.linalg.solve(np.eye(2) + P @ K, P)
+    # No diagonal perturbation of that size makes I + T Delta singular, one a little larger does.
+    angles = np.exp(1j * np.linspace(0, 2 * np.pi, 181))
+    least = np.inf
+    for turn in angles:
+        Delta = np.array([turn, 1.0])
+        # For fixed relative phase the spectral radius of T Delta is what matters.
+        least = min(least, 1 / np.abs(np.linalg.eigvals(T * Delta)).max())
+    assert least == pytest.approx(tolerated, rel=2e-3)

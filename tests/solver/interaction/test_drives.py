@@ -228,3 +228,34 @@ def test_dead_time_is_refused() -> None:
     with pytest.raises(UnsupportedPlantError) as caught:
         ParallelDrives(TransferFunction([1], [1, 1], 0.5), [PI])
     assert caught.value.field == "/load/dead_time"
+
+
+def test_biases_act_as_the_opposite_of_a_load() -> None:
+    """Eq. 11.12: w = (G K w_sp + G (M_10 + M_20 - M_L))/(1 + G K)."""
+    system = ParallelDrives(
+        TransferFunction([1], [2, 0.5]), [Drive(1.0, bias=0.2), Drive(3.0, bias=0.1)]
+    )
+    steady = analyse_drives(system).steady
+    assert steady is not None
+    assert (steady.set_point, steady.load, steady.bias) == pytest.approx((8 / 9, -2 / 9, 0.6 / 9))
+    assert steady.effort_ratios == pytest.approx((1, 3))
+    response = simulate_drives(DriveExperiment(system)).original
+    before = np.searchsorted(response.time, 10.0) - 1
+    assert response.output[before] == pytest.approx(8 / 9 + 0.6 / 9, abs=1e-6)
+    assert response.output[-1] == pytest.approx(8 / 9 + 0.6 / 9 - 2 / 9, abs=1e-6)
+    beyond = response.efforts[-1] - [0.2, 0.1]
+    assert beyond[1] / beyond[0] == pytest.approx(3)
+    assert response.load[0] == 0
+
+
+def test_all_integral_action_in_one_unit_is_the_other_remedy() -> None:
+    """Nothing drifts, the common output is the same, and that unit takes up the steady load."""
+    system = ParallelDrives(TransferFunction([1], [1, 0.1]), [Drive(1.0, 0.5), Drive(1.0, 0.3)])
+    analysis = analyse_drives(system)
+    assert analysis.alternative is not None
+    assert [drive.integral_gain for drive in analysis.alternative.drives] == [0.8, 0.0]
+    assert analyse_drives(analysis.alternative).uncontrollable_modes == 0
+    found = simulate_drives(DriveExperiment(system, DriveScenario(pulse=0.0, end=200.0)))
+    assert found.alternative is not None
+    np.testing.assert_allclose(found.alternative.output, found.original.output, atol=1e-9)
+    assert found.alternative.shares_at_end == pytest.approx([1, 0], abs=1e-6)
