@@ -313,7 +313,7 @@ def _predictions(
     found = []
     for row, fit in zip(rows, fits, strict=True):
         if not kept_back:
-            row = fit.row  # noqa: PLW2901 - with the weights of the fit
+            row = fit.row.plain()  # noqa: PLW2901 - without the fit's spikes
         solved = replace(row.solve(fit.solved.kinds, fit.solved.shapes), gains=fit.solved.gains)
         own = row.own_parts(solved)
         for segment, block, part in zip(row.segments, solved.blocks, own, strict=True):

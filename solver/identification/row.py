@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from solver.identification.colour import Colour
     from solver.identification.elements import ElementKind
 
 __all__ = ["Nuisance", "Row", "Segment", "Solved", "least_squares", "orthonormal"]
@@ -52,6 +53,8 @@ class Segment:
         Square root of each reading's weight; 0 leaves it out.
     record, unit : int
         Where it comes from.
+    colour : Colour or None
+        Of its disturbances, where they are not white.
 
     """
 
@@ -61,6 +64,14 @@ class Segment:
     weight: NDArray[np.float64]
     record: int = 0
     unit: int = 0
+    colour: Colour | None = None
+
+    def weighted(self, columns: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return columns over the readings, (k,) or (k, c), each reading by what it tells."""
+        weight = self.weight if columns.ndim == 1 else self.weight[:, None]
+        if self.colour is None:
+            return columns * weight
+        return self.colour.whitened(self.time, self.weight > 0, columns * weight)
 
     def thinned(self, step: int) -> Segment:
         """Return every `step`-th reading; the inputs stay whole."""
@@ -89,6 +100,10 @@ class Row:
         """Number of readings with weight."""
         return sum(int(np.count_nonzero(s.weight)) for s in self.segments)
 
+    def plain(self) -> Row:
+        """Return the row as if the disturbances were white."""
+        return replace(self, segments=tuple(replace(s, colour=None) for s in self.segments))
+
     def own_columns(
         self, segment: Segment, kinds: Sequence[ElementKind], shapes: Sequence[Sequence[float]]
     ) -> NDArray[np.float64]:
@@ -112,9 +127,9 @@ class Row:
                 ]
             )
             own = self.own_columns(segment, kinds, shapes)
-            base = orthonormal(own * segment.weight[:, None])
-            weighted = block * segment.weight[:, None]
-            target = segment.output * segment.weight
+            base = orthonormal(segment.weighted(own))
+            weighted = segment.weighted(block)
+            target = segment.weighted(segment.output)
             bases.append(base)
             blocks.append(block)
             lefts.append(weighted - base @ (base.T @ weighted))
@@ -162,7 +177,7 @@ class Row:
                         ends.append(value)
                     part[:, index] = (ends[0] - ends[1]) / (2 * steps[index])
                     index += 1
-            part *= segment.weight[:, None]
+            part = segment.weighted(part)
             rows.append(part - base @ (base.T @ part))
         return np.concatenate(rows)
 
@@ -181,8 +196,8 @@ class Row:
         block: NDArray[np.float64],
         own: NDArray[np.float64],
     ) -> NDArray[np.float64]:
-        left = (segment.output - block @ solved.gains) * segment.weight
-        return least_squares(own * segment.weight[:, None], left)
+        left = segment.output - block @ solved.gains
+        return least_squares(segment.weighted(own), segment.weighted(left))
 
     def _motion_coefficients(
         self, segment: Segment, solved: Solved, block: NDArray[np.float64]

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from solver.identification.colour import colour_of
 from solver.identification.elements import Element, ElementKind
 from solver.identification.fitting import fit, split, without_spikes
 from solver.identification.noise import Covariance, covariance
@@ -151,7 +152,7 @@ def fit_row(row: Row, allowed: Allowed, limits: TimeLimits) -> RowFit:
 def refit_row(
     row: Row, kinds: Sequence[ElementKind], shapes: Sequence[Sequence[float]], limits: TimeLimits
 ) -> RowFit:
-    """Return the fit of given forms, from given shapes on; spikes and noise levels anew."""
+    """Return the fit of given forms, from given shapes on; spikes, levels and colours anew."""
     solved = fit(row, kinds, shapes, limits)
     cleaned = _levelled(without_spikes(row, solved), solved)
     if any(
@@ -161,7 +162,14 @@ def refit_row(
         row = cleaned
         solved = fit(row, kinds, solved.shapes, limits)
     solved = _rescanned(row, solved, limits)
-    return RowFit(row, solved, covariance(row, solved, limits), limits)
+    coloured = _coloured(row, solved)
+    if coloured is None:
+        return RowFit(row, solved, covariance(row, solved, limits), limits)
+    solved = _rescanned(coloured, fit(coloured, kinds, solved.shapes, limits), limits)
+    # The colour is told too poorly to trust what the weighted fit says of its own errors; those of
+    # the plain fit are larger and ask for no colour's memory.
+    plain = covariance(row, row.solve(kinds, solved.shapes), limits)
+    return RowFit(coloured, solved, plain, limits)
 
 
 def _first_look(row: Row, limits: TimeLimits) -> Row:
@@ -190,6 +198,29 @@ def _levelled(row: Row, solved: Solved) -> Row:
         segments=tuple(
             replace(segment, weight=(segment.weight > 0) / max(level / typical, QUIETEST))
             for segment, level in zip(row.segments, levels, strict=True)
+        ),
+    )
+
+
+def _coloured(row: Row, solved: Solved) -> Row | None:
+    """Return the row with each segment weighted by the colour of its residual, if any has one."""
+    own = row.own_parts(solved)
+    segments, levels = [], []
+    for segment, block, part in zip(row.segments, solved.blocks, own, strict=True):
+        seen = segment.weight > 0
+        left = segment.output - block @ solved.gains - part
+        colour = colour_of(segment.time, seen, left)
+        white = left if colour is None else colour.whitened(segment.time, seen, left)
+        levels.append(float(np.sqrt(np.mean(white[seen] ** 2))) if np.any(seen) else 0.0)
+        segments.append(replace(segment, colour=colour))
+    if all(segment.colour is None for segment in segments):
+        return None
+    typical = float(np.median(levels)) or 1.0
+    return replace(
+        row,
+        segments=tuple(
+            replace(segment, weight=(segment.weight > 0) / max(level / typical, QUIETEST))
+            for segment, level in zip(segments, levels, strict=True)
         ),
     )
 
