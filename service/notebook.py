@@ -26,6 +26,7 @@ from service.report.document import report_html
 from service.report.rendering import render
 from service.schemas import TuningRequest, TuningResult, parse_tuning_request
 from service.tuned import RequestedTuning
+from service.whole_file import replace_text
 from service.wording import OBJECTIVES, TIME_UNIT, forms, headline, peak_rows
 from solver.tuning import tuner
 
@@ -58,7 +59,7 @@ class TuningView:
     def save_report(self, path: str | Path) -> Path:
         """Write the report, one HTML file, and return its path."""
         target = Path(path)
-        target.write_text(report_html(self.tuned, datetime.now(UTC)), "utf-8")
+        replace_text(target, report_html(self.tuned, datetime.now(UTC)))
         return target
 
     def _repr_html_(self) -> str:

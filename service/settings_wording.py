@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from service.schemas.settings_nearby import SettingsTolerance
 from service.schemas.tunings import TuningResult
 from service.wording import loops_text, number
@@ -45,13 +47,12 @@ def together_text(result: TuningResult) -> str | None:
     return f"Together it takes no more than: {moves}."
 
 
-def range_rows(result: TuningResult) -> list[tuple[str, ...]]:
-    """Return name, lowest, present and highest value of each setting."""
+def range_rows(result: TuningResult, names: Sequence[str] = ()) -> list[tuple[str, ...]]:
+    """Return name, lowest, present and highest value of each setting, groups called `names`."""
     near = result.settings_tolerance
-    return [
-        (
-            f"{loops_text(result.groups[each.group])}, {each.parameter.replace('_', ' ')}",
-            number(each.low), number(each.value), number(each.high),
-        )
-        for each in (near.alone if near else ())
-    ]  # fmt: skip
+    rows: list[tuple[str, ...]] = []
+    for each in near.alone if near else ():
+        loops = names[each.group] if names else loops_text(result.groups[each.group])
+        numbers = number(each.low), number(each.value), number(each.high)
+        rows.append((f"{loops}, {each.parameter.replace('_', ' ')}", *numbers))
+    return rows

@@ -11,6 +11,7 @@ import typer
 
 from service.cli.outcomes import ExitCode, reported, say
 from service.schemas.parsing import Fault, RequestError, parse_tuning_request
+from service.whole_file import replace_text
 
 __all__ = ["write_request"]
 
@@ -36,7 +37,7 @@ def write_request(path: Path) -> ExitCode:
         return ExitCode.INTERRUPTED
     text = json.dumps(body, indent=2)
     parse_tuning_request(text).build()
-    path.write_text(f"{text}\n", "utf-8")
+    replace_text(path, f"{text}\n")
     say(f"Written: {path}. Next: mutune tune {path}")
     return ExitCode.DONE
 

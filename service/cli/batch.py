@@ -24,7 +24,7 @@ from service.batch.table import writer
 from service.cli.outcomes import ExitCode, read_input, reported, say
 from service.schemas import Fault, RequestError, TuningRequest, parse_tuning_request
 from service.trade_off import Collected
-from service.whole_file import replace
+from service.whole_file import replace_text
 from service.wording import TIME_UNIT
 
 __all__ = ["batch_file", "check_file", "sweep_file"]
@@ -163,17 +163,11 @@ def _drawing(
             if not item.faults:
                 collected.add(item.fields, entry.get("result"))
             yield entry
-        from service.figures.search import trade_off  # noqa: PLC0415 - imports Plotly
-        from service.figures.style import Theme, template  # noqa: PLC0415
+        from service.figures.document import page  # noqa: PLC0415 - imports Plotly
+        from service.figures.search import trade_off  # noqa: PLC0415
 
         drawn = trade_off(collected.trade_off(), request.time_unit or TIME_UNIT)
-        title = {"text": drawn.layout.meta["title"], "y": 0.97, "yanchor": "top", "x": 0.02}
-        margin = {"t": 100}  # the title stands above the legend
-        drawn.update_layout(
-            template=template(Theme.LIGHT), title=title, margin=margin, height=520, width=900
-        )
-        text = drawn.to_html(include_plotlyjs=True).encode()
-        replace(path, lambda file: file.write(text))
+        replace_text(path, page(drawn))
 
     return through
 

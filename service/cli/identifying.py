@@ -10,6 +10,7 @@ from service.analyses.identify import ANALYSIS, identified
 from service.analyses.identify.models import IdentificationTask
 from service.cli.outcomes import ExitCode, reported, say
 from service.schemas.parsing import Fault, RequestError
+from service.whole_file import replace_text
 from solver.identification.reading import read_record
 from solver.identification.record import Record
 
@@ -70,7 +71,7 @@ def identify_files(
             "controller": {"kind": "PI", "arrangement": "independent"},
             "objective": "tau_p",
         }
-        output.write_text(json.dumps(request, indent=2, allow_nan=False) + "\n")
+        replace_text(output, json.dumps(request, indent=2, allow_nan=False) + "\n")
         say(f"{output}: a tuning request")
     if as_json:
         print(json.dumps(document, allow_nan=False))  # noqa: T201 - the output asked for

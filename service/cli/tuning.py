@@ -18,6 +18,7 @@ from service.cli.outcomes import ExitCode, exit_code_of, read_input, reported, s
 from service.cli.tables import tuning_table
 from service.schemas import TuningRequest, TuningResult, parse_tuning_request, tuning_to_json
 from service.tuned import RequestedTuning
+from service.whole_file import replace_text
 from service.wording import TIME_UNIT, number
 from solver.tuning.compiling import Compiling
 
@@ -83,7 +84,7 @@ def tune_file(
         from service.report.document import report_html  # noqa: PLC0415 - imports Plotly
 
         record = RequestedTuning(request, result, request.time_unit or TIME_UNIT)
-        report.write_text(report_html(record, datetime.now(UTC)), "utf-8")
+        replace_text(report, report_html(record, datetime.now(UTC)))
     return ExitCode.INTERRUPTED if stopping.wanted else exit_code_of(result)
 
 

@@ -1,4 +1,4 @@
-"""Figures as one JSON object, with the templates of both schemes."""
+"""Figures as one JSON object, with the templates of both schemes; a figure as a file of its own."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import plotly.graph_objects as go
 
 from service.figures.style import Theme, template
 
-__all__ = ["figures_to_json", "plain"]
+__all__ = ["figures_to_json", "page", "plain"]
 
 
 def figures_to_json(
@@ -28,3 +28,14 @@ def plain(figure: go.Figure) -> dict[str, Any]:
     document: dict[str, Any] = figure.to_plotly_json()
     document["layout"].pop("template")
     return document
+
+
+def page(figure: go.Figure) -> str:
+    """Return an HTML file with one figure, its title above, that opens without network."""
+    title = {"text": figure.layout.meta["title"], "y": 0.97, "yanchor": "top", "x": 0.02}
+    shown = go.Figure(figure)
+    margin = {"t": 100}  # the title stands above the legend
+    shown.update_layout(
+        template=template(Theme.LIGHT), title=title, margin=margin, height=520, width=900
+    )
+    return str(shown.to_html(include_plotlyjs=True))

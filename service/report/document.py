@@ -9,10 +9,11 @@ from __future__ import annotations
 import base64
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import datetime
 from functools import cache
 from importlib.resources import files
+from types import MappingProxyType
 from typing import Any
 
 from markupsafe import Markup
@@ -23,11 +24,12 @@ from service.figures.tuning import tuning_figures
 from service.model_wording import tolerance_lines
 from service.report import mathml
 from service.report.rendering import render, source
+from service.report.typed import typed_in_per_cent
 from service.schemas import canonical
 from service.settings_wording import range_rows, resolution_text, together_text, tolerance_text
 from service.sheet.document import loop_sheet
 from service.sheet.naming import loops_name
-from service.tuned import RequestedTuning, Setting
+from service.tuned import RequestedTuning
 from service.wording import (
     OBJECTIVES,
     forms,
@@ -41,6 +43,7 @@ from service.wording import (
 from solver import __version__
 from solver.model.controllers import Controller
 from solver.model.plants import Plant
+from solver.model.transfer_function import TransferFunction
 from solver.robustness.margins import Margins, loop_margins
 
 __all__ = ["POLICY", "report_html"]
@@ -73,13 +76,14 @@ def report_html(tuned: RequestedTuning, made_at: datetime, job: str | None = Non
     request = canonical(tuned.request)
     archived = f'{{"request":{request},"result":{result.model_dump_json()}}}'
     digest = hashlib.sha256(archived.encode()).hexdigest()
+    names = {setting.units[0]: loops_name(tuned, setting.units) for setting in tuned.settings}
     units = f"{tuned.plant.n} unit{'s' * (tuned.plant.n != 1)}"
     title = tuned.request.title or f"Loop settings for {units}"
     return render(
         "report.html",
         title=title,
         feet=_feet(title, tuned, digest),
-        names=[loops_name(tuned, setting.units) for setting in tuned.settings],
+        names=list(names.values()),
         behaviour=sheet.behaviour,
         risks=sheet.risks,
         headline=headline(result, tuned.unit),
@@ -92,6 +96,8 @@ def report_html(tuned: RequestedTuning, made_at: datetime, job: str | None = Non
         warnings=() if tuned.settings else result.warnings,
         forms=forms([setting.controller for setting in tuned.settings]) if tuned.settings else (),
         elements=_elements(tuned),
+        weights=_weights(tuned),
+        typed=typed_in_per_cent(tuned),
         peaks=peak_rows(result.peaks),
         certificate=result.certificate,
         proven=guarantee_text(result.guarantee),
@@ -99,10 +105,10 @@ def report_html(tuned: RequestedTuning, made_at: datetime, job: str | None = Non
         model_tolerance=[line.text for line in tolerance_lines(result.model_tolerance)],
         certificate_link=_data_url(json.dumps(result.certificate)),
         scenarios=_scenarios(tuned),
-        margins=_margins(tuned.plant, tuned.loops, tuned.settings),
+        margins=_margins(tuned.plant, tuned.loops, names),
         as_found=_as_found(tuned),
         resolution=resolution_text(result),
-        ranges=range_rows(result),
+        ranges=range_rows(result, list(names.values())),
         tolerance=tolerance_text(near) if (near := result.settings_tolerance) else None,
         together=together_text(result),
         figures={name: figure.layout.meta for name, figure in figures.items()},
@@ -146,13 +152,19 @@ def _elements(tuned: RequestedTuning) -> list[list[Markup]]:
     return [[mathml.transfer_function(each) for each in row] for row in plant.rows]
 
 
+def _weights(tuned: RequestedTuning) -> tuple[TransferFunction, ...]:
+    """Return the weight of all inputs, or that of each."""
+    weight = tuned.uncertainty.weight
+    return weight if isinstance(weight, tuple) else (weight,)
+
+
 def _margins(
-    plant: Plant, loops: Sequence[Controller], settings: Sequence[Setting] = ()
+    plant: Plant, loops: Sequence[Controller], labels: Mapping[int, str] = MappingProxyType({})
 ) -> list[tuple[str, ...]]:
+    """Return the margins of each kind of loop, `labels` being names by its first unit."""
     if not loops:
         return []
     rows: list[tuple[str, ...]] = []
-    labels = {setting.units[0]: setting.label for setting in settings}
     for row in loop_margins(plant, loops):
         label = labels.get(row.units[0], loops_text(row.units))
         for name, margins in (("alone", row.alone), ("together", row.together)):

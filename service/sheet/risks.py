@@ -7,6 +7,7 @@ stand in the result.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -71,7 +72,7 @@ def risks(
     """
     found = [
         *_demand(tuned, robustness),
-        *(Said("note", "warning", _sentence(text)) for text in tuned.result.warnings),
+        *(Said("note", "warning", _sentence(text, tuned)) for text in tuned.result.warnings),
         *_manual(tuned),
         *_model(robustness.model_tolerance),
         *_stability(robustness),
@@ -81,7 +82,7 @@ def risks(
         *_as_found(tuned),
         *_identical(tuned),
         *(
-            Said("note", "note", _sentence(text))
+            Said("note", "note", _sentence(text, tuned))
             for text in tuned.result.advice
             if not text.startswith(_TOLD)
         ),
@@ -89,8 +90,15 @@ def risks(
     return tuple(sorted(found, key=lambda said: _ORDER.index(said.level)))
 
 
-def _sentence(text: str) -> str:
-    return f"{text[:1].upper()}{text[1:].removesuffix('.')}."
+def _sentence(text: str, tuned: RequestedTuning) -> str:
+    """Return a sentence of the solver with the symbols, unit and tags that people read."""
+    text = re.sub(r"\btau_P\b", "τP", text)
+    text = re.sub(r"\bomega_B\b", "ωB", text)
+    text = re.sub(r"\bmu\b", "μ", text)
+    text = text.replace("rad per time unit", f"rad/{tuned.unit}").removesuffix(".")
+    tagged = re.sub(r"\bloop (\d+)\b", lambda found: loops_name(tuned, (int(found[1]) - 1,)), text)
+    first = tagged[:1].upper() if tagged[:1].isascii() else tagged[:1]
+    return f"{first}{tagged[1:]}."
 
 
 def _demand(tuned: RequestedTuning, robustness: Robustness) -> Iterator[Said]:

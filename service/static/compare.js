@@ -22,7 +22,8 @@ const essence = ({ tau_p, peaks, comparison, loops, groups }) => ({
   peak: Object.fromEntries(Object.entries(peaks ?? {}).map(([name, { value }]) => [name, value])),
   gain_of_asymmetry: comparison && `${number(comparison.gain_percent, 3)} %`,
   ...Object.fromEntries(groups.map((group, i) =>
-    [groups.length > 1 ? `loops_${group.map((k) => k + 1).join(" ")}` : "all_loops", loops[groups[i][0]] ?? {}])),
+    [groups.length === 1 ? "all_loops" : `loop${group.length > 1 ? "s" : ""}_${group.map((k) => k + 1).join(" ")}`,
+      loops[groups[i][0]] ?? {}])),
 });
 
 /** Rows in which the sides are told, one a value. @param {any[]} sides @param {(cells: string[]) => boolean} matters */

@@ -46,9 +46,9 @@ export const sentence = (text) => (text ?? "").replace(/^./, (first) => first.to
 
 /** Symbols of the API in texts for people, who count loops from 1. @type {[RegExp, string][]} */
 const PLAIN = [
-  [/\btau_([A-Za-z])\b/g, "τ_$1"], [/τ_[Pp]/g, "τₚ"], [/τ_([IDF])/g, "τ$1"],
+  [/\b[tT]au_([A-Za-z])\b/g, "τ_$1"], [/τ_[Pp]/g, "τₚ"], [/τ_([IDF])/g, "τ$1"],
   [/\bomega_B\b/g, "ωB"], [/\bomega\b/g, "ω"], [/\btheta\b/g, "θ"], [/\bepsilon\b/g, "ε"], [/\btau\b/g, "τ"],
-  [/\bmu\b/g, "μ"], [/\bnull: ?/g, "Empty: "], [/\(?from 0\)?/g, "counted from 1"],
+  [/\bmu\b/g, "μ"], [/\bnull: ?/g, "Empty: "], [/\bnull\b/g, "empty"], [/\(?from 0\)?/g, "counted from 1"],
   [/\bperformance\./g, ""], [/(?<=[a-z])_(?=[a-z])/g, " "],
 ];
 

@@ -19,12 +19,14 @@ from zoo import COLUMN
 
 from service.cli.tuning import tune_file
 from service.report.document import report_html
+from service.schemas import parse_tuning_request
 from service.tuned import RequestedTuning
 from solver.certificate.reading import read_certificate
 from solver.certificate.search import prove
 from solver.certificate.verify import verify
 from solver.model.controllers import Controller
 from solver.model.weights import Performance, Uncertainty
+from solver.tuning.tuner import tune
 
 MADE = datetime(2026, 1, 31, 12, 0, tzinfo=UTC)
 
@@ -185,6 +187,30 @@ def test_matrix_plants_and_missing_forms_are_shown() -> None:
     assert sum(tag == "mfrac" for tag, _ in page.elements) == 4 + 1  # and the weight
     assert "no ideal form" in page.words
     assert "Not drawn: mu, because the result has no curves." in page.words
+
+
+def test_values_to_type_are_in_per_cent_where_the_spans_are_known() -> None:
+    """Gains in per cent of span stand first, with tags; errors of their own are told by input."""
+    spans = {"output_span": 50.0, "input_span": 10.0}
+    request = parse_tuning_request(
+        json.dumps(
+            {
+                "time_unit": "min",
+                "plant": {"kind": "first_order", "n": 2, "gain": 1, "time_constant": 100,
+                          "interaction": 0.949},
+                "uncertainty": {"epsilon": [0.2, 0.1], "theta": 1},
+                "instruments": [{"tag": tag, **spans} for tag in ("TIC-1", "TIC-2")],
+            }
+        )
+    )  # fmt: skip
+    tuned = RequestedTuning.of(request, tune(request.build()), "min")
+    page = Page(report_html(tuned, MADE))
+    assert "In per cent of the spans: K*(1 + 1/(Ti*s) + Td*s/(1 + Tf*Td*s))" in page.words
+    typed = tuned.loops[0].to_ideal()
+    row = f"TIC-1 reverse {5 * typed.gain:.4g} {typed.integral_time:.4g}"
+    assert row in page.words
+    assert "TIC-2, integral time" in page.words
+    assert "of input 2:" in page.words
 
 
 def test_the_certificate_is_in_the_file(tuned: RequestedTuning) -> None:
