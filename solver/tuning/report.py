@@ -46,6 +46,7 @@ if TYPE_CHECKING:
 
 __all__ = ["infeasible", "report"]
 
+ALIKE = 1e-6  # of the objective, in log: what rounding may make of equal settings
 OTHER_SIGNS = (
     "loops {loops} have gains of the sign opposite to their own process's: they are stable only "
     "together with the others, never alone"
@@ -67,13 +68,10 @@ def report(
         The best tau_P is too large a number.
 
     """
-    search = chosen.search
-    assert chosen.candidate is not None  # noqa: S101 - for the type checker
-    try:
-        end = settled(specification, search, chosen.candidate, clock)
-    except OutOfTimeError:
-        status = Status.TIME_LIMIT
-        end = settled(specification, search, chosen.candidate, None)
+    end, late = _ended(specification, chosen, clock)
+    alike = _better_alike(specification, solutions, chosen.search, end)
+    search, end = (chosen.search, end) if alike is None else alike
+    status = Status.TIME_LIMIT if late else status
     if end is None:
         reason = "none were found: between the frequencies of the search mu exceeds 1 for all"
         return infeasible(specification, search.groups, clock, reason, None)
@@ -133,7 +131,7 @@ def report(
         scenarios=scenarios,
         active=binding(scenarios),
         spread=end.spread,
-        comparison=_comparison(solutions, search, end, clock),
+        comparison=_comparison(solutions, search, end, clock, instead=alike is not None),
         certificate=certificate,
         optimality=_optimality(specification, solutions, end, clock),
         integrity=in_one_line(
@@ -191,6 +189,36 @@ def _prove(
     )  # fmt: skip
 
 
+def _ended(
+    specification: Specification, chosen: Solution, clock: Clock
+) -> tuple[Settled | None, bool]:
+    """Return the settings that keep the level on the whole axis, and whether time cut it short."""
+    assert chosen.candidate is not None  # noqa: S101 - for the type checker
+    try:
+        return settled(specification, chosen.search, chosen.candidate, clock), False
+    except OutOfTimeError:
+        return settled(specification, chosen.search, chosen.candidate, None), True
+
+
+def _better_alike(
+    specification: Specification, solutions: Solutions, search: GroupingSearch, end: Settled | None
+) -> tuple[GroupingSearch, Settled] | None:
+    """Return the best identical settings where they are better than the unlike ones found.
+
+    They may always be used where unlike ones may. The search for those has missed them where its
+    grid told less than the whole axis.
+    """
+    one = solutions.identical()
+    if one is None or one.candidate is None or one.search is search:
+        return None
+    if end is not None and one.candidate.value >= end.candidate.value - ALIKE:
+        return None
+    found = settled(specification, one.search, one.candidate, None)
+    if found is None or (end is not None and found.candidate.value >= end.candidate.value):
+        return None
+    return one.search, found
+
+
 def _model_tolerance(specification: Specification, end: Settled) -> tuple[ModelTolerance, ...]:
     if not specification.model_tolerance:
         return ()
@@ -210,10 +238,11 @@ def _sign_warnings(specification: Specification, search: GroupingSearch) -> list
 
 
 def _comparison(
-    solutions: Solutions, search: GroupingSearch, end: Settled, clock: Clock
+    solutions: Solutions, search: GroupingSearch, end: Settled, clock: Clock, *, instead: bool
 ) -> Comparison | None:
     one = solutions.identical()
-    if one is None or one.candidate is None or len(search.groups) == 1:
+    alone = len(search.groups) == 1 and not instead
+    if one is None or one.candidate is None or alone:
         return None
     identical = clock.as_objective(one.candidate.value)
     loop = one.search.objective.controllers(one.candidate.theta)[0]

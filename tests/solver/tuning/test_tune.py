@@ -288,3 +288,14 @@ def test_bounds_are_kept_to_the_last_digit():
     assert result.loops[0].gain <= 30
     assert result.loops[0].gain == pytest.approx(30, rel=1e-9)
     assert "upper bound 30" in result.warnings[0]
+
+
+def test_identical_settings_are_returned_where_unlike_ones_were_found_worse():
+    """a = 0.999999 with dead time: the search for unlike settings ended a hundred times slower."""
+    uncertainty = Uncertainty.from_error(0.5, 1)
+    plant = first_order(2, 1, 100, 0.999999, 5)
+    alike = run(plant, Arrangement.IDENTICAL, uncertainty=uncertainty)
+    found = run(plant, Arrangement.INDEPENDENT, uncertainty=uncertainty)
+    assert found.tau_p <= alike.tau_p * (1 + 1e-6)
+    assert found.comparison.identical_value >= found.tau_p * (1 - 1e-6)
+    assert found.comparison.gain_percent >= -1e-4
