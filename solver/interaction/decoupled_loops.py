@@ -17,8 +17,7 @@ from solver.interaction.dynamic_decoupler import DynamicDecoupler, diagonal_mu
 from solver.interaction.loop_shape import RobustnessLimits
 from solver.interaction.pi_design import LoopDesigner
 from solver.interaction.sampling import dense_frequencies
-from solver.model.controllers import Controller
-from solver.model.frequencies import corners, finite_reach, resonances
+from solver.model.frequencies import EXTREMES, corners, resonances
 from solver.stability.encirclements import LoopBatch, count_unstable
 from solver.stability.neutral import delayed_radius, feedthrough
 
@@ -127,13 +126,15 @@ class DecoupledLoops:
 
     def _reach(self) -> float:
         """Return a frequency beyond which no loop gain reaches one, where there is such an end."""
-        own = [
-            Controller(abs(g.proportional_gain), None) for g in self.gains if g.proportional_gain
-        ]
         D = self._decoupler(dense_frequencies(self.plant.elements))
-        most = float(np.abs(D).sum(axis=(-2, -1)).max())
-        scaled = [Controller(most * controller.gain, None) for controller in own]
-        return BEYOND * max(finite_reach(self.plant, scaled), default=0.0)
+        most = max((abs(g.proportional_gain) for g in self.gains), default=0.0)
+        gain = most * float(np.abs(D).sum(axis=(-2, -1)).max())
+        ends = [
+            (gain * abs(element.num[0] / element.den[0])) ** (1 / element.relative_degree)
+            for element in self.plant.elements
+            if element.relative_degree and not element.is_zero
+        ]
+        return min(BEYOND * max(ends, default=0.0), EXTREMES[1])
 
     def _process(self, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
         D = self._decoupler(omega)

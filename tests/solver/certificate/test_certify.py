@@ -19,7 +19,7 @@ from hypothesis import HealthCheck, assume, given, settings
 from zoo import ZOO, Case
 
 from solver.certificate.record import Certificate, Claim
-from solver.certificate.search import CertificateFailure, Obstacle, certify
+from solver.certificate.search import CertificateFailure, Obstacle, certify, prove
 from solver.certificate.verify import check
 from solver.model.controllers import Controller
 from solver.model.errors import Cancelled, InvalidInputError, UnsupportedPlantError
@@ -262,3 +262,18 @@ def test_a_loop_without_integral_action_has_no_certificate_and_says_so() -> None
     failure = certify(claim)
     assert isinstance(failure, CertificateFailure)
     assert failure.obstacle is Obstacle.PROPORTIONAL
+
+
+def test_a_proof_that_takes_too_long_beside_a_result_says_so(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Many unlike settings: the search says that it was cut short, not that it met an obstacle."""
+    loops = tuple(Controller(20 + unit, 100) for unit in range(3))
+    task = (first_order(3, 1, 100, 0.1, 1), UNCERTAINTY, Performance(tau_p=30))
+    failure = certify(Claim(*task, loops, 10.0), attempts=3)
+    assert isinstance(failure, CertificateFailure)
+    assert failure.obstacle is Obstacle.EXHAUSTED
+    monkeypatch.setattr("solver.certificate.search.BESIDE_A_RESULT", 27)
+    proof, reasons = prove(*task, loops, 10.0)
+    assert proof is None
+    assert "3 unlike settings" in reasons[0]

@@ -456,3 +456,19 @@ def test_the_tolerated_input_error_is_where_the_loops_become_unstable() -> None:
         # For fixed relative phase the spectral radius of T Delta is what matters.
         least = min(least, 1 / np.abs(np.linalg.eigvals(T * Delta)).max())
     assert least == pytest.approx(tolerated, rel=2e-3)
+
+
+@pytest.mark.parametrize("unit", [1e-12, 1e-6, 1e6])
+def test_gains_in_any_unit_are_decoupled_alike(unit: float) -> None:
+    """The decoupler takes the plant's gains away: the same loops, whatever the plant's units."""
+    rows = [
+        [TransferFunction([unit * e.num[0]], e.den, e.dead_time) for e in row]
+        for row in WOOD_BERRY.rows
+    ]
+    own = (ParallelForm(1.0, 0.3), ParallelForm(0.5, 0.2))
+    found = decouple(DecouplingSpecification(MatrixPlant(rows), gains=own)).closed_loop
+    usual = decouple(DecouplingSpecification(WOOD_BERRY, gains=own)).closed_loop
+    assert found is not None
+    assert usual is not None
+    assert found.stable
+    np.testing.assert_allclose(found.exact_peaks, usual.exact_peaks, rtol=1e-6)
