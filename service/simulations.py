@@ -8,19 +8,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from service.schemas.drawn import DrawnStepResponse, DrawnUnits
 from service.tuned import RequestedTuning, Setting
+from service.valves import limits_of
 from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError
 from solver.model.plants import Plant
 from solver.model.subsystems import subsystem
 from solver.simulation.actuators import Actuators
 from solver.simulation.experiment import Experiment, Step, StepKind
-from solver.simulation.loops import Loop
+from solver.simulation.loops import Limits, Loop
 from solver.simulation.step_response import StepResponse, step_response
 from solver.simulation.worst_actuators import worst_actuators
 from solver.stability.closed_loop import is_stable
@@ -33,6 +35,8 @@ _PROBES = (4.0, 10.0, 40.0)
 _LOAD_SHOWN = 4.0  # times tau_P or the longest integral time: a load is gone by then, or nearly
 _SHOWN = 1.5  # times the longest settling time
 
+_Limits: TypeAlias = tuple[Limits | None, ...]
+
 
 @dataclass(frozen=True)
 class Case:
@@ -40,13 +44,15 @@ class Case:
 
     `worst` is None where the perturbation has no form that can be simulated, `identical` where
     there are no identical settings beside, `today` where no settings are known as found, or where
-    those are unstable.
+    those are unstable, `limited` where no valve comes to its limits, half its span to either side
+    of rest, or spans are not given.
     """
 
     nominal: DrawnStepResponse
     worst: DrawnStepResponse | None
     identical: DrawnStepResponse | None
     today: DrawnStepResponse | None = None
+    limited: DrawnStepResponse | None = None
 
 
 def together(tuned: RequestedTuning, direction: NDArray[np.float64]) -> Case:
@@ -84,18 +90,41 @@ def _closed(
 ) -> Case:
     """Return the responses with all loops closed."""
 
-    def drawn(loops: Sequence[Controller], actuators: Actuators | None = None) -> DrawnStepResponse:
-        found = _simulate(tuned.plant, loops, direction, duration, actuators, kind=kind)
+    def simulated(
+        actuators: Actuators | None = None, limits: _Limits | None = None
+    ) -> StepResponse:
+        return _simulate(
+            tuned.plant, tuned.loops, direction, duration, actuators, kind=kind, limits=limits
+        )
+
+    def beside(loops: Sequence[Controller]) -> DrawnStepResponse:
+        found = _simulate(tuned.plant, loops, direction, duration, kind=kind)
         return DrawnStepResponse.of(found)
 
+    nominal = simulated()
+    limits = _limits(tuned, nominal)
     worst = _worst_actuators(tuned, tuned.plant, tuned.loops)
     today = tuned.as_found
     return Case(
-        nominal=drawn(tuned.loops),
-        worst=None if worst is None else drawn(tuned.loops, worst),
-        identical=drawn(tuned.identical) if tuned.identical else None,
-        today=drawn(today) if today and is_stable(tuned.plant, today) else None,
+        nominal=DrawnStepResponse.of(nominal),
+        worst=None if worst is None else DrawnStepResponse.of(simulated(worst)),
+        identical=beside(tuned.identical) if tuned.identical else None,
+        today=beside(today) if today and is_stable(tuned.plant, today) else None,
+        limited=None if limits is None else DrawnStepResponse.of(simulated(limits=limits)),
     )
+
+
+def _limits(tuned: RequestedTuning, found: StepResponse) -> _Limits | None:
+    """Return the limits of the valves; None where none of them is reached."""
+    halves = limits_of(tuned.request.signals(tuned.plant.n))
+    reached = any(
+        (half := halves[unit]) is not None and float(np.abs(response.input).max()) > half
+        for response in found.responses
+        for unit in response.units
+    )
+    if not reached:
+        return None
+    return tuple(None if half is None else Limits(-half, half) for half in halves)
 
 
 def alone(tuned: RequestedTuning) -> Case:
@@ -141,12 +170,15 @@ def _simulate(
     actuators: Actuators | None = None,
     *,
     kind: StepKind = StepKind.SETPOINT,
+    limits: _Limits | None = None,
 ) -> StepResponse:
     steps = tuple(
         Step(kind, int(unit), 0.0, float(direction[unit])) for unit in np.flatnonzero(direction)
     )
     closed = tuple(Loop.of(loop) for loop in loops)
-    return step_response(Experiment(plant, closed, steps, duration, actuators=actuators))
+    return step_response(
+        Experiment(plant, closed, steps, duration, actuators=actuators, limits=limits)
+    )
 
 
 def _duration(

@@ -14,7 +14,8 @@ from service.analysis import Analysis
 from service.printing import Grid, Line, Part, peaks_grid, warning_lines
 from service.schemas.fields import AnalysisRequest, below
 from service.schemas.tunings import EXAMPLE as TUNING
-from service.schemas.tunings import TuningRequest, TuningResult, tuning_to_json
+from service.schemas.tunings import TuningRequest, TuningResult
+from service.valves import finished
 from service.wording import headline, number, units_text
 from solver.model.errors import InvalidInputError
 
@@ -61,7 +62,7 @@ def compute(request: RetuneRequest) -> dict[str, Any]:
     """Return the tuning beside the settings of the request."""
     from solver.tuning.tuner import tune
 
-    return tuning_to_json(tune(request.build()))
+    return finished(request, tune(request.build()))
 
 
 def table(result: TuningResult) -> Sequence[Part]:

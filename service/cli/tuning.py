@@ -10,14 +10,14 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 import solver.tuning.record
-from service.beyond import with_limit
 from service.cli.console import show
 from service.cli.handing_on import in_unit
 from service.cli.interruption import Stopping
 from service.cli.outcomes import ExitCode, exit_code_of, read_input, reported, say
 from service.cli.tables import tuning_table
-from service.schemas import TuningRequest, TuningResult, parse_tuning_request, tuning_to_json
+from service.schemas import TuningRequest, TuningResult, parse_tuning_request
 from service.tuned import RequestedTuning
+from service.valves import finished
 from service.whole_file import replace_text
 from service.wording import TIME_UNIT, number
 from solver.tuning.compiling import Compiling
@@ -117,5 +117,5 @@ def _tune(request: TuningRequest, stopping: Stopping) -> dict[str, object]:
         tuning = tuner.tune(request.build(), on_progress)
         del compiling
         bar.update(task, description="Other controllers")
-        document = with_limit(request, tuning_to_json(tuning), lambda: stopping.wanted)
+        document = finished(request, tuning, lambda: stopping.wanted)
         return document | request.identity()

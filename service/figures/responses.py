@@ -53,6 +53,12 @@ def tuned_response(title: str, description: str, case: Case, unit: str = TIME_UN
         for response in other.responses:
             panels.curve(other.time, response.output, name, style)
             panels.curve(other.time, response.input, name, style, row=last)
+    for response in case.limited.responses if case.limited is not None else ():
+        name = loops_text(response.units)
+        style = line(numbered.setdefault(name, len(numbered))) | {"width": 1}
+        label = f"{name}, valve at its limits"
+        panels.curve(nominal.time, response.output, label, style)
+        panels.curve(nominal.time, response.input, label, style, row=last)
     panels.shared_x(time_title(unit))
     panels.y(1, "y, nominal<br>(output units)")
     panels.y(last, "u, nominal<br>(input units)")

@@ -14,9 +14,9 @@ from pydantic_core import to_json
 
 import service.schemas
 from service import registry
-from service.beyond import with_limit
 from service.jobs.records import TUNINGS, JobStatus, Outcome
 from service.problems import NumbersError, describe
+from service.valves import finished
 from solver.model.errors import Cancelled, InvalidInputError
 from solver.tuning.record import Progress, Status, Tuning
 
@@ -142,7 +142,7 @@ def _tuned(request: str, report: _Reporter) -> Outcome:
 
     asked = service.schemas.parse_tuning_request(request)
     tuning = tuner.tune(asked.build(), report)
-    document = with_limit(asked, service.schemas.tuning_to_json(tuning), report.check)
+    document = finished(asked, tuning, report.check)
     enough = report.check()
     # Pydantic's writer takes a tenth of the time of the standard library's.
     result = to_json(document | asked.identity()).decode()

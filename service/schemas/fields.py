@@ -120,12 +120,23 @@ class RecordedRequest(RequestModel):
             Neither one instrument for all loops nor one for each.
 
         """
-        given = self.instruments or ()
-        if len(given) not in {0, 1, n}:
+        spans = tuple(each.output_span for each in self.signals(n) if each.output_span is not None)
+        return spans if len(spans) == n and len(set(spans)) > 1 else None
+
+    def signals(self, n: int) -> tuple[Instrument, ...]:
+        """Return the signals of each of n loops, unknown ones where none are given.
+
+        Raises
+        ------
+        InvalidInputError
+            Neither one instrument for all loops nor one for each.
+
+        """
+        given = self.instruments or (Instrument(),)
+        if len(given) not in {1, n}:
             message = f"{len(given)} instruments for {n} loops; give one a loop, or one for all"
             raise InvalidInputError(message, "/instruments")
-        spans = tuple(each.output_span for each in given if each.output_span is not None)
-        return spans if len(spans) == n and len(set(spans)) > 1 else None
+        return given * n if len(given) == 1 else given
 
     def identity(self) -> dict[str, Any]:
         """Return what comes back with the result."""

@@ -11,16 +11,15 @@ from service.wording import loops_text
 __all__ = ["instrument_of", "loops_name"]
 
 _LISTED = 3  # tags that are told one by one
-_UNKNOWN = Instrument()
 
 
 def instrument_of(tuned: RequestedTuning, unit: int) -> Instrument:
     """Return the signals of a unit (from 0), unknown ones where the request does not give them."""
-    given = tuned.request.instruments or ()
-    if len(given) == tuned.plant.n:
-        return given[unit]
+    n = tuned.plant.n
+    own = tuned.request.signals(n)[unit]
     # One entry for all of several loops says their spans, and no tag of any of them.
-    return given[0].model_copy(update={"tag": None}) if len(given) == 1 else _UNKNOWN
+    shared = n > 1 and len(tuned.request.instruments or ()) == 1
+    return own.model_copy(update={"tag": None}) if shared else own
 
 
 def loops_name(tuned: RequestedTuning, units: Sequence[int]) -> str:

@@ -12,7 +12,6 @@ import solver.model.weights
 from service.schemas.arrangement import ArrangedRequest
 from service.schemas.fields import (
     WHOLE,
-    Instrument,
     RequestModel,
     below,
 )
@@ -244,18 +243,3 @@ class ControllerFormsRequest(ArrangedRequest):
             equation,
             all(signals.output_span is not None for signals in instruments),
         )
-
-    def signals(self, count: int) -> tuple[Instrument, ...]:
-        """Return the signals of each loop.
-
-        Raises
-        ------
-        InvalidInputError
-            Neither one entry nor one a loop.
-
-        """
-        given = self.instruments or (Instrument(),)
-        if len(given) not in {1, count}:
-            message = f"{len(given)} entries for {count} loops: one for all, or one each"
-            raise InvalidInputError(message, "/instruments")
-        return given * count if len(given) == 1 else given

@@ -11,9 +11,10 @@ from service.analyses.step_response.request import EXAMPLE, StepResponseRequest,
 from service.analyses.step_response.result import StepResponseResult
 from service.analysis import Analysis, Figures
 from service.effort import Effort, of_different_loops
-from service.printing import Grid, Line, Part
+from service.printing import Grid, Line, Part, warning_lines
 from service.schemas.drawn import DrawnStepResponse
 from service.schemas.encoding import encode
+from service.valves import step_remarks
 from service.wording import number, units_text
 
 __all__ = ["ANALYSIS", "EXAMPLE", "StepResponseRequest", "StepResponseResult"]
@@ -30,7 +31,14 @@ _HEADS = ("unit", "rise", "settle", "over", "IAE", "ISE", "max |e|", "var u", "y
 
 def compute(request: StepResponseRequest) -> dict[str, Any]:
     """Return the responses that the request asks for."""
-    document: dict[str, Any] = encode(request.build().simulate())
+    task = request.build()
+    found = task.simulate()
+    document: dict[str, Any] = encode(found)
+    experiment = task.experiment
+    n = experiment.plant.n
+    limits = experiment.limits or (None,) * n
+    limited = [limit is not None for limit in limits]
+    document["warnings"] = list(step_remarks(request.signals(n), limited, found))
     return document
 
 
@@ -69,7 +77,7 @@ def table(result: StepResponseResult) -> list[Part]:
     if later:
         heads = ("units", "later change at", "by", "rise", "settling", "overshoot")
         parts.append(Grid(heads, later))
-    return parts
+    return [*parts, *warning_lines(result.warnings)]
 
 
 def draw(result: DrawnStepResponse, unit: str) -> dict[str, Any]:

@@ -193,6 +193,7 @@ class StepResponseRequest(ArrangedRequest):
         with below("/plant"):
             given = self.plant.build()
         plant = self.arranged(given)
+        self.signals(plant.n)
         loops = []
         for index, loop in enumerate(self.loops):
             with below(f"/loops/{index}"):

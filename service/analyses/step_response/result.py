@@ -127,3 +127,8 @@ class StepResponseResult(IdentifiedResult):
         description="One entry for each kind of unit: those with equal loops and steps move alike.",
         examples=[[]],
     )
+    warnings: list[str] = Field(
+        default=[],
+        description="Inputs that move further than their valves can, where instruments give spans.",
+        examples=[[]],
+    )
