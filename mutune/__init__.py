@@ -67,6 +67,7 @@ if TYPE_CHECKING:
     from solver.model.controllers import Controller, IdealForm, ParallelForm
     from solver.model.errors import Cancelled, InvalidInputError, MutuneError, UnsupportedPlantError
     from solver.model.from_state_space import from_state_space
+    from solver.model.measured import MeasuredPlant
     from solver.model.mode_controller import ModeController
     from solver.model.parallel_equipment import (
         BurnerPasses,
@@ -190,6 +191,7 @@ __all__ = [
     "LowerBound",
     "Margins",
     "MatrixPlant",
+    "MeasuredPlant",
     "Metrics",
     "ModeController",
     "MutuneError",
@@ -340,6 +342,7 @@ _HOMES = {
     "solver.model.physical_models": "Blender CooledReactors StreamSplit",
     "solver.model.arranged": "paired sampled",
     "solver.model.from_state_space": "from_state_space",
+    "solver.model.measured": "MeasuredPlant",
     "solver.model.plants": "MatrixPlant ParallelPlant Plant first_order",
     "solver.model.state_space": "StateSpace",
     "solver.model.transfer_function": "TransferFunction",

@@ -42,6 +42,7 @@ from service.wording import (
 )
 from solver import __version__
 from solver.model.controllers import Controller
+from solver.model.measured import MeasuredPlant
 from solver.model.plants import Plant
 from solver.model.transfer_function import TransferFunction
 from solver.robustness.margins import Margins, loop_margins
@@ -98,6 +99,7 @@ def report_html(tuned: RequestedTuning, made_at: datetime, job: str | None = Non
         elements=_elements(tuned),
         weights=_weights(tuned),
         typed=typed_in_per_cent(tuned),
+        measured=isinstance(tuned.plant, MeasuredPlant),
         peaks=peak_rows(result.peaks),
         certificate=result.certificate,
         proven=guarantee_text(result.guarantee),
@@ -147,7 +149,7 @@ def _quoted_text(text: str) -> str:
 
 def _elements(tuned: RequestedTuning) -> list[list[Markup]]:
     plant = tuned.plant
-    if plant.interchangeable:
+    if plant.interchangeable or isinstance(plant, MeasuredPlant):
         return []
     return [[mathml.transfer_function(each) for each in row] for row in plant.rows]
 
@@ -162,7 +164,7 @@ def _margins(
     plant: Plant, loops: Sequence[Controller], labels: Mapping[int, str] = MappingProxyType({})
 ) -> list[tuple[str, ...]]:
     """Return the margins of each kind of loop, `labels` being names by its first unit."""
-    if not loops:
+    if not loops or isinstance(plant, MeasuredPlant):
         return []
     rows: list[tuple[str, ...]] = []
     for row in loop_margins(plant, loops):

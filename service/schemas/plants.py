@@ -4,12 +4,25 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+import numpy as np
+from pydantic import Field, JsonValue
 
 import solver.model.from_state_space
+import solver.model.measured
 import solver.model.plants
 import solver.model.transfer_function
-from service.schemas.fields import WHOLE, Coefficients, Gain, Ratio, RequestModel, Time, below
+from service.schemas.fields import (
+    WHOLE,
+    Coefficients,
+    Frequency,
+    Gain,
+    Ratio,
+    RequestModel,
+    Time,
+    below,
+)
+from solver.model.errors import InvalidInputError
+from solver.model.measured import MAX_POINTS, MIN_POINTS
 from solver.model.plants import MAX_MATRIX_SIZE, MAX_UNITS
 from solver.model.state_space import MAX_STATES
 from solver.model.transfer_function import LARGEST
@@ -17,6 +30,7 @@ from solver.model.transfer_function import LARGEST
 __all__ = [
     "FirstOrderPlant",
     "MatrixPlant",
+    "MeasuredPlant",
     "ParallelPlant",
     "Plant",
     "StateSpacePlant",
@@ -159,6 +173,73 @@ class StateSpacePlant(RequestModel):
         )
 
 
+Points = Annotated[
+    tuple[Number, ...],
+    Field(
+        min_length=MIN_POINTS, max_length=MAX_POINTS, json_schema_extra={"x-unit": "of the signals"}
+    ),
+]
+
+
+class MeasuredElement(RequestModel):
+    """Frequency response of one element, at the frequencies of the plant."""
+
+    re: Points = Field(description="Real parts.", examples=[[1.0, 0.5, 0.01]])
+    im: Points = Field(description="Imaginary parts.", examples=[[-0.1, -0.5, -0.1]])
+
+
+_MeasuredRow = Annotated[
+    tuple[MeasuredElement, ...], Field(min_length=1, max_length=MAX_MATRIX_SIZE)
+]
+_MEASURED: JsonValue = {"re": [0.9901, 0.5, 0.0099], "im": [-0.099, -0.5, -0.099]}
+
+
+class MeasuredPlant(RequestModel):
+    """A square plant given by its frequency response; loop k connects output k to input k."""
+
+    kind: Literal["frequency_response"] = Field(
+        description="Frequency response at some frequencies, for tuning and robustness there.",
+        examples=["frequency_response"],
+    )
+    omega: Annotated[tuple[Frequency, ...], Field(min_length=MIN_POINTS, max_length=MAX_POINTS)] = (
+        Field(description="Frequencies, ascending.", examples=[[0.001, 0.01, 0.1]])
+    )
+    elements: Annotated[
+        tuple[_MeasuredRow, ...], Field(min_length=1, max_length=MAX_MATRIX_SIZE)
+    ] = Field(
+        description="Rows of responses: row r, column c is from input c to output r.",
+        examples=[[[_MEASURED]]],
+    )
+    unstable_poles: Annotated[int, Field(ge=0, json_schema_extra={"x-unit": "1"}), WHOLE] | None = (
+        Field(
+            default=None,
+            description="Poles with a real part >= 0, which the data do not show: 0 says that the "
+            "plant settles by itself. null: not known, and then nothing can be tuned.",
+            examples=[0],
+        )
+    )
+
+    def build(self) -> solver.model.measured.MeasuredPlant:
+        """Return the solver's plant."""
+        n, count = len(self.elements), len(self.omega)
+        values = np.empty((count, n, n), dtype=complex)
+        for r, row in enumerate(self.elements):
+            if len(row) != n:
+                message = f"row {r} has {len(row)} elements, the matrix has {n} rows"
+                raise InvalidInputError(message, f"/elements/{r}")
+            for c, element in enumerate(row):
+                for name in ("re", "im"):
+                    given = len(getattr(element, name))
+                    if given != count:
+                        message = f"{given} values at {count} frequencies"
+                        raise InvalidInputError(message, f"/elements/{r}/{c}/{name}")
+                values[:, r, c] = np.array(element.re) + 1j * np.array(element.im)
+        return solver.model.measured.MeasuredPlant(
+            np.array(self.omega), values, unstable_poles=self.unstable_poles
+        )
+
+
 Plant = Annotated[
-    ParallelPlant | FirstOrderPlant | MatrixPlant | StateSpacePlant, Field(discriminator="kind")
+    ParallelPlant | FirstOrderPlant | MatrixPlant | StateSpacePlant | MeasuredPlant,
+    Field(discriminator="kind"),
 ]

@@ -15,6 +15,7 @@ from service.sheet.responses import Measured, Moves, Response, moves
 from service.sheet.risks import Said, risks
 from service.tuned import RequestedTuning
 from solver.model.errors import InvalidInputError
+from solver.model.measured import ADVICE, MeasuredPlant
 from solver.robustness.analysis import analyse
 from solver.robustness.margins import Margins
 from solver.robustness.record import Robustness
@@ -43,6 +44,14 @@ def loop_sheet(tuned: RequestedTuning) -> LoopSheet:
     if not robustness.nominally_stable:
         return LoopSheet(
             (), tuple(Said("note", "bad", text) for text in robustness.warnings), {}, {}
+        )
+    if isinstance(tuned.plant, MeasuredPlant):
+        said = [*robustness.warnings, robustness.guarantee.reason if robustness.guarantee else None]
+        return LoopSheet(
+            (),
+            tuple(Said("note", "warning", text) for text in said if text),
+            {},
+            {"set_point": ADVICE, "load": ADVICE},
         )
     others = {IDENTICAL: tuned.identical} if tuned.identical and len(tuned.settings) > 1 else {}
     if tuned.specification.as_found is not None:

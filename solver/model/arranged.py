@@ -16,6 +16,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from solver.model.errors import InvalidInputError
+from solver.model.measured import MeasuredPlant
 from solver.model.plants import MAX_MATRIX_SIZE, MatrixPlant
 from solver.model.transfer_function import LARGEST, TransferFunction
 from solver.model.validation import integers, real
@@ -49,6 +50,8 @@ def paired(plant: Plant, pairing: Sequence[int]) -> Plant:
     order = check_pairing(pairing, plant.n)
     if order == tuple(range(plant.n)):
         return plant
+    if isinstance(plant, MeasuredPlant):
+        return plant.paired(order)
     if plant.n > MAX_MATRIX_SIZE:
         message = f"other pairings than one's own are for plants of up to {MAX_MATRIX_SIZE} units"
         raise InvalidInputError(message, "/pairing")
@@ -100,6 +103,9 @@ def sampled(plant: Plant, scan_time: float) -> Plant:
         raise InvalidInputError(message, "/scan_time")
     if scan_time == 0:
         return plant
+
+    if isinstance(plant, MeasuredPlant):
+        return plant.delayed(SCAN_DELAY * scan_time)
 
     def late(element: TransferFunction) -> TransferFunction:
         if element.is_zero:

@@ -27,6 +27,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from solver.model.errors import InvalidInputError
+from solver.model.measured import MeasuredPlant
 from solver.model.plants import ParallelPlant, Plant
 from solver.model.weights import Structure
 
@@ -132,6 +133,8 @@ class LoopBlocks:
 
     def __call__(self, s: NDArray[np.complex128]) -> tuple[NDArray[np.complex128], ...]:
         """Plant of each block at the complex points `s` (k,): (k, m, m) complex each."""
+        if isinstance(self.plant, MeasuredPlant):
+            return (self.plant.response(s.imag) * self.ratios,)
         if not isinstance(self.plant, ParallelPlant):
             n = self.plant.n
             G = np.empty((s.size, n, n), dtype=complex)

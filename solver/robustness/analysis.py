@@ -13,6 +13,7 @@ import numpy as np
 from solver.certificate.search import PROVEN_ABOVE, prove
 from solver.model.blocks import group_loops
 from solver.model.given import require_loops, require_weights
+from solver.model.measured import MeasuredPlant
 from solver.model.peaks import Peak
 from solver.model.remarks import plant_remarks
 from solver.model.validation import MAX_FREQUENCIES, flag, frequencies
@@ -22,6 +23,7 @@ from solver.robustness.curves import LoopAnalysis
 from solver.robustness.gain_factor import stable_gain_factor
 from solver.robustness.margins import loop_frequencies, loop_margins
 from solver.robustness.model_tolerance import model_tolerances
+from solver.robustness.on_data import analyse_on_data
 from solver.robustness.record import Robustness
 from solver.robustness.worst_case import worst_case
 from solver.stability.closed_loop import ClosedLoopPoles, closed_loop_poles
@@ -77,6 +79,8 @@ def analyse(
     require_weights(plant, uncertainty, performance)
     certificate = flag(certificate, "/certificate")
     wanted = None if omega is None else frequencies(omega, most=MAX_FREQUENCIES)
+    if isinstance(plant, MeasuredPlant):
+        return analyse_on_data(plant, uncertainty, performance, loops, wanted)
     blocks, controllers = group_loops(plant, loops, uncertainty, performance.output_scale)
     analysis = LoopAnalysis(blocks, controllers, uncertainty, performance)
     poles = closed_loop_poles(plant, loops)

@@ -215,9 +215,7 @@ class LoopObjective:
         y = np.zeros((omega.size, self.blocks.n_scales)) if near is None else near.y.copy()
         level, gradient, det = self._sweep(samples, theta, y, self.nu, cold=cold)
         value, s, demand, slope, missing = judged(level, omega, samples.saturated, self.goal.terms)
-        on_grid = det[: self.omega.size]
-        stable = winds_as_stable(on_grid, self.omega)
-        stable = stable and (self._restless or ends_at_rest(on_grid))
+        stable = self._is_stable(theta, det[: self.omega.size])
         limits: tuple[LoopsAlone | ServiceSets | None, ...] = (self.alone, self.service)
         for beside in limits:
             if beside is None:
@@ -239,6 +237,10 @@ class LoopObjective:
         if not stable:
             value = merit = math.inf
         return Evaluation(theta, value, s, merit, level, gradient, demand, slope, y, peaks)
+
+    def _is_stable(self, theta: NDArray[np.float64], det: NDArray[np.complex128]) -> bool:  # noqa: ARG002 - where the grid alone does not tell
+        """Whether det (k, blocks) on the grid turns as that of a stable loop, and ends there."""
+        return bool(winds_as_stable(det, self.omega)) and (self._restless or ends_at_rest(det))
 
     def with_s(self, here: Evaluation, s: float) -> Evaluation:
         """Return an evaluation with the demands of another s; its merit stays."""

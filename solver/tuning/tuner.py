@@ -7,6 +7,8 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from solver.model.errors import UnsupportedPlantError
+from solver.model.measured import MeasuredPlant
 from solver.model.open_loop import require_supported
 from solver.model.validation import instance
 from solver.robustness.scan import scan_remark
@@ -17,6 +19,7 @@ from solver.tuning.demands import NO_DEMANDS
 from solver.tuning.feasibility import Impossibility, impossibility, other_signs
 from solver.tuning.given_start import given_groups, signs_of
 from solver.tuning.groupings import groupings, neighbours
+from solver.tuning.on_data import tune_on_data
 from solver.tuning.pairings import pairings
 from solver.tuning.record import Status
 from solver.tuning.report import infeasible, report
@@ -72,9 +75,21 @@ def tune(
     """
     instance(specification, Specification, "/specification")
     require_supported(specification.plant)
+    if isinstance(specification.plant, MeasuredPlant):
+        return _on_data(specification, progress)
     if specification.pairing is None:
         return _told(specification, _tune(specification.arranged(None), progress))
     return _told(specification, _best_pairing(specification, progress))
+
+
+def _on_data(
+    specification: Specification, progress: Callable[[Progress], bool | None] | None
+) -> Tuning:
+    if isinstance(specification.pairing, str):
+        message = "name the pairing: candidates are judged on transfer functions"
+        raise UnsupportedPlantError(message, "/pairing")
+    found = tune_on_data(specification.arranged(None), progress)
+    return replace(found, pairing=specification.pairing)
 
 
 def _tune(

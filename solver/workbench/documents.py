@@ -23,6 +23,7 @@ VERSION = 1
 # The only classes that a file can make, each with its module.
 _MODULES = {
     "solver.model.controllers": ("Controller",),
+    "solver.model.measured": ("MeasuredPlant",),
     "solver.model.peaks": ("Peak",),
     "solver.model.plants": ("MatrixPlant", "ParallelPlant"),
     "solver.model.transfer_function": ("TransferFunction",),

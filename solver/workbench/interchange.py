@@ -9,6 +9,7 @@ import numpy as np
 from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError
 from solver.model.from_state_space import from_state_space
+from solver.model.measured import MeasuredPlant
 from solver.model.plants import MatrixPlant, ParallelPlant, Plant
 from solver.model.transfer_function import TransferFunction
 from solver.model.validation import instances, integer, items, real, real_array
@@ -30,15 +31,18 @@ def plant(G: Any, *, dead_time: Any = 0.0) -> Plant:  # noqa: ANN401 - objects o
         A square continuous-time model: of python-control (``control.tf``, ``control.ss``), or of
         scipy.signal (``scipy.signal.lti`` in any form; see `from_state_space`). Or a square nested
         list whose entries are such objects, `TransferFunction`, pairs ``(num, den)`` of
-        coefficients in descending powers of s, or numbers.
+        coefficients in descending powers of s, or numbers. Or frequency-response data of
+        python-control (``control.frd``), whose `unstable_poles` are to be stated before it is
+        tuned: ``dataclasses.replace(plant(G), unstable_poles=0)``.
     dead_time : float or (n, n) array_like
         Dead time of every element, in the time unit of G, >= 0; added to that of the entries.
 
     Returns
     -------
     Plant
-        A `ParallelPlant` where all units are alike, else a `MatrixPlant`. Row r, column c is
-        from input c to output r; loop i connects output i to input i.
+        A `ParallelPlant` where all units are alike, else a `MatrixPlant`; of data a
+        `MeasuredPlant`. Row r, column c is from input c to output r; loop i connects output i to
+        input i.
 
     Raises
     ------
@@ -54,6 +58,8 @@ def plant(G: Any, *, dead_time: Any = 0.0) -> Plant:  # noqa: ANN401 - objects o
     2.0
 
     """
+    if isinstance(G, MeasuredPlant) or hasattr(G, "frdata"):
+        return _measured(G, dead_time)
     rows = G.rows if isinstance(G, Plant) else _rows(G)
     n = len(rows)
     delays = (
@@ -78,6 +84,17 @@ def plant(G: Any, *, dead_time: Any = 0.0) -> Plant:  # noqa: ANN401 - objects o
     if n > 1 and len(own) == len(other) == 1:
         return ParallelPlant(n, own.pop(), other.pop())
     return MatrixPlant(elements)
+
+
+def _measured(G: Any, dead_time: Any) -> MeasuredPlant:  # noqa: ANN401 - see `plant`
+    delay = real(dead_time, "/dead_time")
+    if delay < 0:
+        message = "a dead time is not negative"
+        raise InvalidInputError(message, "/dead_time")
+    if not isinstance(G, MeasuredPlant):
+        _require_continuous(G, "")
+        return MeasuredPlant(G.omega, np.moveaxis(G.frdata, -1, 0)).delayed(delay)
+    return G.delayed(delay)
 
 
 def to_control(
