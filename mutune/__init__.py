@@ -68,6 +68,7 @@ if TYPE_CHECKING:
     from solver.model.errors import Cancelled, InvalidInputError, MutuneError, UnsupportedPlantError
     from solver.model.from_state_space import from_state_space
     from solver.model.measured import MeasuredPlant
+    from solver.model.mixing import Mixing
     from solver.model.mode_controller import ModeController
     from solver.model.parallel_equipment import (
         BurnerPasses,
@@ -193,6 +194,7 @@ __all__ = [
     "MatrixPlant",
     "MeasuredPlant",
     "Metrics",
+    "Mixing",
     "ModeController",
     "MutuneError",
     "Objective",
@@ -343,6 +345,7 @@ _HOMES = {
     "solver.model.arranged": "paired sampled",
     "solver.model.from_state_space": "from_state_space",
     "solver.model.measured": "MeasuredPlant",
+    "solver.model.mixing": "Mixing",
     "solver.model.plants": "MatrixPlant ParallelPlant Plant first_order",
     "solver.model.state_space": "StateSpace",
     "solver.model.transfer_function": "TransferFunction",

@@ -17,7 +17,13 @@ from solver.model.weights import Performance, Uncertainty
 from solver.tuning.record import Tuning
 from solver.tuning.specification import Specification
 
-__all__ = ["RequestedTuning", "Setting"]
+__all__ = ["MIXED", "RequestedTuning", "Setting"]
+
+
+MIXED = (
+    "each loop moves several inputs, so none has a process of its own; a step-response request "
+    "with the same mixing simulates them"
+)
 
 
 @dataclass(frozen=True)
@@ -87,6 +93,11 @@ class RequestedTuning:
     def plant(self) -> Plant:
         """The plant as the loops see it: inputs paired, a scan time as dead time."""
         return self.arranged.plant
+
+    @property
+    def mixes_inputs(self) -> bool:
+        """Whether each loop moves several inputs: then no loop has a process of its own."""
+        return self.arranged.mixing is not None
 
     @property
     def uncertainty(self) -> Uncertainty:

@@ -15,6 +15,7 @@ from service.beyond import with_limit
 from service.schemas.fields import Instrument
 from service.schemas.tunings import tuning_to_json
 from service.wording import loops_text, number
+from solver.model.measured import MeasuredPlant
 from solver.stability.singular import is_singular
 
 if TYPE_CHECKING:
@@ -51,8 +52,9 @@ def finished(
 
     """
     document = tuning_to_json(tuning)
-    if tuning.loops:
-        plant = request.build().arranged(tuning.pairing).plant
+    task = request.build().arranged(tuning.pairing)
+    if tuning.loops and task.mixing is None and not isinstance(task.plant, MeasuredPlant):
+        plant = task.plant
         said = tuning_remarks(request.signals(plant.n), plant, tuning.loops)
         document["warnings"] = [*document["warnings"], *said]
     return with_limit(request, document, check)

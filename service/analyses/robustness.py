@@ -66,6 +66,8 @@ class FullTask:
 class RobustnessRequest(GivenLoops):
     """Ask how robust given loop settings are."""
 
+    mixes_inputs = True
+
     omega: (
         Annotated[tuple[Frequency, ...], Field(min_length=1, max_length=MAX_FREQUENCIES)] | None
     ) = Field(
@@ -114,6 +116,9 @@ class RobustnessRequest(GivenLoops):
         if self.controller is not None:
             message = "a full controller is analysed by itself"
             raise InvalidInputError(message, "/controller")
+        if self.is_full:
+            message = "loops that move combinations of inputs are one controller"
+            raise InvalidInputError(message, "/mixing/inputs")
         task = self.parts()
         omega = None if self.omega is None else np.array(self.omega)
         if omega is not None and np.any(np.diff(omega) <= 0):
@@ -138,9 +143,8 @@ class RobustnessRequest(GivenLoops):
             As `build`, or what is for single loops alone beside it.
 
         """
-        assert self.controller is not None  # noqa: S101 - for the type checker
         alone = {
-            "/loops": bool(self.loops),
+            "/loops": self.controller is not None and bool(self.loops),
             "/omega": self.omega is not None,
             "/method": self.method != "kernel",
         }
@@ -149,9 +153,29 @@ class RobustnessRequest(GivenLoops):
                 message = "this is for single loops, not for a full controller"
                 raise InvalidInputError(message, field)
         plant, uncertainty, performance = self.weights()
+        if self.controller is None:
+            return FullTask(plant, uncertainty, performance, self._mixed_loops())
+        if self.mixing is not None and self.mixing.inputs is not None:
+            message = "a full controller moves the inputs themselves"
+            raise InvalidInputError(message, "/mixing/inputs")
         with below("/controller"):
             controller = self.controller.build()
         return FullTask(plant, uncertainty, performance, controller)
+
+    @property
+    def is_full(self) -> bool:
+        """Whether each controller moves several inputs."""
+        mixed = self.mixing is not None and self.mixing.inputs is not None
+        return self.controller is not None or mixed
+
+    def _mixed_loops(self) -> solver.model.plants.MatrixPlant:
+        """Return the loops, and the combinations of inputs that they move, as one controller."""
+        from solver.limits.mixed import mixed_controller
+
+        assert self.mixing is not None  # noqa: S101 - for the type checker
+        task = self.parts()
+        with below("/mixing"):
+            return mixed_controller(task.loops, self.mixing.build())
 
 
 class CrossCheck(ResultModel):
@@ -244,7 +268,7 @@ class RobustnessResult(IdentifiedResult, ResultModel):
 
 def compute(request: RobustnessRequest) -> dict[str, Any]:
     """Return the robustness of the request's loops."""
-    if request.controller is not None:
+    if request.is_full:
         return _full(request.build_full())
     from solver.robustness.analysis import analyse
     from solver.robustness.scan import scan_remark

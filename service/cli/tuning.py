@@ -89,7 +89,7 @@ def tune_file(
 
 
 def _tune(request: TuningRequest, stopping: Stopping) -> dict[str, object]:
-    from solver.tuning import tuner  # noqa: PLC0415 - compiled kernels, where tunings run alone
+    from solver.limits import mixed  # noqa: PLC0415 - compiled kernels, where tunings run alone
 
     columns = (
         TextColumn("{task.description}"),
@@ -114,7 +114,7 @@ def _tune(request: TuningRequest, stopping: Stopping) -> dict[str, object]:
             return stopping.wanted
 
         compiling = Compiling(lambda: console.print(_COMPILING))
-        tuning = tuner.tune(request.build(), on_progress)
+        tuning = mixed.tune_task(request.build(), on_progress)
         del compiling
         bar.update(task, description="Other controllers")
         document = finished(request, tuning, lambda: stopping.wanted)

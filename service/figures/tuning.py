@@ -11,7 +11,7 @@ from service import simulations
 from service.figures.frequency import controllers, sensitivity, tuned_mu
 from service.figures.responses import tuned_response
 from service.figures.search import landscape
-from service.tuned import RequestedTuning
+from service.tuned import MIXED, RequestedTuning
 from solver.model.errors import InvalidInputError
 from solver.simulation.directions import difficult_direction, easy_direction
 
@@ -39,6 +39,9 @@ def tuning_figures(tuned: RequestedTuning) -> TuningFigures:
     omitted: dict[str, str] = {}
     for name, draw in _DRAWN.items():
         if not tuned.settings:
+            continue
+        if tuned.mixes_inputs and name not in _OF_CURVES:
+            omitted[name] = MIXED
             continue
         try:
             figures[name] = draw(tuned)
@@ -94,6 +97,7 @@ _PANELS = (
     "Outputs of the model, outputs with the worst error of the inputs, and the model's inputs."
 )
 
+_OF_CURVES = {"mu", "controllers"}
 _DRAWN: dict[str, Callable[[RequestedTuning], go.Figure]] = {
     "mu": tuned_mu,
     "controllers": controllers,

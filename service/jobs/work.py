@@ -138,10 +138,10 @@ def _outcome(resource: str, request: str, report: _Reporter) -> Outcome:
 
 
 def _tuned(request: str, report: _Reporter) -> Outcome:
-    from solver.tuning import tuner  # noqa: PLC0415 - compiled kernels, where tunings run alone
+    from solver.limits import mixed  # noqa: PLC0415 - compiled kernels, where tunings run alone
 
     asked = service.schemas.parse_tuning_request(request)
-    tuning = tuner.tune(asked.build(), report)
+    tuning = mixed.tune_task(asked.build(), report)
     document = finished(asked, tuning, report.check)
     enough = report.check()
     # Pydantic's writer takes a tenth of the time of the standard library's.

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Discriminator, Field, Tag
 
 import solver.model.arranged
 import solver.model.plants
-from service.schemas.fields import WHOLE, AnalysisRequest, Time
+from service.schemas.fields import WHOLE, AnalysisRequest, Time, below
+from service.schemas.mixing import Mixing
+from solver.model.errors import InvalidInputError
+from solver.model.mixing import mixed_outputs
 from solver.model.plants import MAX_UNITS
 
 __all__ = ["ArrangedRequest", "PairedInput", "Pairing", "PairingOrBest"]
@@ -30,6 +33,8 @@ PairingOrBest = Annotated[
 class ArrangedRequest(AnalysisRequest):
     """Base of analyses of loops that are paired, and that digital controllers run."""
 
+    mixes_inputs: ClassVar[bool] = False  # whether loops may move combinations of inputs
+
     pairing: Pairing | None = Field(
         default=None,
         description="Input, from 0, of each output; null: output i by input i.",
@@ -42,14 +47,39 @@ class ArrangedRequest(AnalysisRequest):
         examples=[0.0],
     )
 
+    mixing: Mixing | None = Field(
+        default=None,
+        description="Coupled objectives: which combinations of outputs the loops control, and of "
+        "inputs they move. null: loop i controls output i.",
+        examples=[None],
+    )
+
     def arranged(self, plant: solver.model.plants.Plant) -> solver.model.plants.Plant:
         """Return a plant as the loops see it.
 
         Raises
         ------
         InvalidInputError
-            A pairing that does not fit the plant.
+            A pairing, or combinations, that do not fit the plant.
 
         """
         plant = solver.model.arranged.sampled(plant, self.scan_time)
+        if self.mixing is not None:
+            return self._mixed(plant, self.mixing)
         return plant if self.pairing is None else solver.model.arranged.paired(plant, self.pairing)
+
+    def _mixed(self, plant: solver.model.plants.Plant, given: Mixing) -> solver.model.plants.Plant:
+        """Return the plant from its inputs to what the loops control."""
+        with below("/mixing"):
+            mixing = given.build()
+        mixing.require_size(plant.n, "/mixing")
+        if self.pairing is not None:
+            message = "with combinations of signals, order their rows and columns instead"
+            raise InvalidInputError(message, "/pairing")
+        if mixing.inputs is not None and not self.mixes_inputs:
+            message = (
+                "loops that move combinations of inputs are for tuning, robustness and step "
+                "responses: for anything else leave inputs out"
+            )
+            raise InvalidInputError(message, "/mixing/inputs")
+        return mixed_outputs(plant, mixing)

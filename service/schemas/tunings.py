@@ -22,6 +22,7 @@ from service.schemas.fields import (
 )
 from service.schemas.given_loops import default_scales
 from service.schemas.loop_forms import GivenLoop, given_loops
+from service.schemas.mixing import Mixing
 from service.schemas.model_tolerance import ModelTolerance
 from service.schemas.peaks import CURVES_EXAMPLE, Curves, Guarantee, Peaks
 from service.schemas.plants import Plant
@@ -162,6 +163,12 @@ class TuningRequest(RecordedRequest):
         "every loop are tried, the nearest to no interaction first. null: output i by input i.",
         examples=[None, [1, 0], "best"],
     )
+    mixing: Mixing | None = Field(
+        default=None,
+        description="Coupled objectives: which combinations of outputs the loops control, and of "
+        "inputs they move. null: loop i controls output i.",
+        examples=[None, {"outputs": [[1.0, 1.0], [-1.0, 1.0]]}],
+    )
     as_found: Annotated[list[GivenLoop], Field(min_length=1, max_length=MAX_UNITS)] | None = Field(
         default=None,
         description="Today's settings, one entry a unit; the result tells what they do, beside "
@@ -206,7 +213,12 @@ class TuningRequest(RecordedRequest):
         require_supported(plant)
         with below("/uncertainty"):
             uncertainty = self.uncertainty.build(plant.n)
-        scales = default_scales(self, plant.n, uncertainty)
+        mixing = None
+        if self.mixing is not None:
+            with below("/mixing"):
+                mixing = self.mixing.build()
+        # Spans are those of the outputs, which are not what the loops control then.
+        scales = default_scales(self, plant.n, uncertainty) if mixing is None else None
         with below("/performance"):
             performance = self.performance.build(scales)
         with below("/controller/bounds"):
@@ -240,6 +252,7 @@ class TuningRequest(RecordedRequest):
             group_sizes=self.controller.group_sizes,
             groups=self.controller.groups,
             pairing=self.pairing,
+            mixing=mixing,
             scan_time=self.controller.scan_time,
             objective=Objective(self.objective),
             bounds=bounds,

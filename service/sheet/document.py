@@ -13,7 +13,7 @@ from service.schemas.sheet import Behaviour
 from service.sheet.naming import loops_name
 from service.sheet.responses import Measured, Moves, Response, moves
 from service.sheet.risks import Said, risks
-from service.tuned import RequestedTuning
+from service.tuned import MIXED, RequestedTuning
 from solver.model.errors import InvalidInputError
 from solver.model.measured import ADVICE, MeasuredPlant
 from solver.robustness.analysis import analyse
@@ -40,6 +40,8 @@ def loop_sheet(tuned: RequestedTuning) -> LoopSheet:
     """Return the sheet of a tuning; an empty one where there are no stable settings."""
     if not tuned.settings:
         return LoopSheet((), (), {}, {})
+    if tuned.mixes_inputs:
+        return LoopSheet((), (), {}, {"set_point": MIXED, "load": MIXED})
     robustness = analyse(tuned.plant, tuned.uncertainty, tuned.performance, tuned.loops)
     if not robustness.nominally_stable:
         return LoopSheet(

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
         Centralised,
     )
 
-__all__ = ["StructuredController", "structured_controllers"]
+__all__ = ["StructureSearch", "StructuredController", "structured_controllers"]
 
 POINTS_PER_DECADE = 12.0
 MATRIX_POINTS = 8.0  # a scale for each channel: mu costs a hundred times as much
@@ -125,30 +125,40 @@ def structured_controllers(
     youla = youla_blocks(central_blocks(plant, uncertainty), SPAN * float(bends.max()))
     best: dict[StructureKind, StructuredController] = {}
     for structure in structures(plant, uncertainty, youla, bandwidth, identical):
-        found = _Search(structure, uncertainty, performance, bandwidth, tick).run()
+        found = StructureSearch(structure, uncertainty, performance, tick).run()
         before = best.get(structure.kind)
         if found is not None and (before is None or found.value < before.value):
             best[structure.kind] = found
     return sorted(best.values(), key=lambda each: each.value)
 
 
-class _Search:
-    """The search for one structure."""
+class StructureSearch:
+    """The search for the best settings of one structure.
+
+    Parameters
+    ----------
+    structure : Structure
+        What is sought.
+    uncertainty, performance, tick
+        As for `structured_controllers`.
+
+    """
 
     def __init__(
         self,
         structure: Structure,
         uncertainty: Uncertainty,
         performance: Performance,
-        bandwidth: float,
-        tick: Callable[[], None],
+        tick: Callable[[], None] = lambda: None,
     ) -> None:
+        plant = structure.blocks.plant
+        bandwidth = bandwidth_of(plant, uncertainty, corners(plant, uncertainty))
+        self._best: tuple[float, NDArray[np.float64]] | None = None
         self.structure, self.uncertainty, self.performance = structure, uncertainty, performance
         self.tick = tick
         self.tau_p = performance.tau_p
         self.first_tau_p = performance.tau_p or 10 / bandwidth
         self.slowest = SLOWEST_TRIED / bandwidth
-        plant = structure.blocks.plant
         bends = corners(plant, uncertainty)
         density = POINTS_PER_DECADE if plant.interchangeable else MATRIX_POINTS
         low, high = float(bends.min()) / SPAN, float(bends.max()) * SPAN
@@ -171,6 +181,10 @@ class _Search:
             if found is not None and (best is None or found[0] < best[0]):
                 best = found
         return None if best is None else self._checked(best[1])
+
+    def kept(self) -> StructuredController | None:
+        """Return the best settings met so far, where `run` was cut short."""
+        return None if self._best is None else self._checked(self._best[1])
 
     def _on(self, omega: NDArray[np.float64]) -> None:
         self.omega = omega
@@ -324,6 +338,9 @@ class _Search:
             ):
                 break
             theta, level = trial, reached
+            # Of levels of mu at some tau_P none says that the demand is met.
+            if tau_p == self.tau_p and (self._best is None or level < self._best[0]):
+                self._best = level, theta
         return theta
 
     def _analysis(self, theta: NDArray[np.float64], tau_p: float) -> CentralisedAnalysis:

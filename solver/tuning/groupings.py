@@ -171,6 +171,16 @@ def coarser(groups: Groups) -> tuple[tuple[Groups, tuple[int, ...]], ...]:
     return ((consecutive([sum(sizes)]), (0,) * len(sizes)), *pairs)
 
 
+def named_partition(specification: Specification) -> Groups:
+    """Return the groups of a task whose arrangement is not to be sought."""
+    n = specification.plant.n
+    if specification.arrangement is Arrangement.IDENTICAL:
+        return identical_groups(specification.plant)
+    if specification.groups is not None:
+        return specification.groups
+    return consecutive(specification.group_sizes or (1,) * n)
+
+
 def consecutive(sizes: Sequence[int]) -> Groups:
     """Return groups of these sizes, the first one holding the first units."""
     ends = list(itertools.accumulate(sizes, initial=0))

@@ -26,7 +26,7 @@ from solver.tuning.clock import Clock, OutOfTimeError
 from solver.tuning.demand_checks import outcomes, planes
 from solver.tuning.demands import IntegrityDemand
 from solver.tuning.goals import MuGoal, TauGoal
-from solver.tuning.groupings import consecutive, identical_groups
+from solver.tuning.groupings import named_partition
 from solver.tuning.minimax import Box
 from solver.tuning.objective import LoopObjective
 from solver.tuning.phases import EXACT, Phases
@@ -40,7 +40,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from solver.model.controllers import Controller
-    from solver.tuning.groupings import Groups
     from solver.tuning.objective import Evaluation
     from solver.tuning.record import Progress
 
@@ -139,7 +138,7 @@ class _Run:
         progress: Callable[[Progress], bool | None] | None,
     ) -> None:
         self.specification, self.plant, self.gain = specification, plant, gain
-        self.groups = _groups(specification)
+        self.groups = named_partition(specification)
         self.signs = np.array([-1.0 if gain[g[0], g[0]] < 0 else 1.0 for g in self.groups])
         self._require_one_sign()
         self.clock = Clock(specification.time_limit, progress, self._as_objective)
@@ -392,13 +391,3 @@ class _Optimum:
     theta: NDArray[np.float64]
     value: float
     count: int
-
-
-def _groups(specification: Specification) -> Groups:
-    """Return which units share settings."""
-    n = specification.plant.n
-    if specification.arrangement is Arrangement.IDENTICAL:
-        return identical_groups(specification.plant)
-    if specification.groups is not None:
-        return specification.groups
-    return consecutive(specification.group_sizes or (1,) * n)

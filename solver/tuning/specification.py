@@ -11,6 +11,7 @@ from solver.model.arranged import check_pairing, paired, sampled
 from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError
 from solver.model.given import require_fit
+from solver.model.mixing import Mixing, mixed_outputs
 from solver.model.plants import Plant
 from solver.model.transfer_function import LARGEST
 from solver.model.validation import (
@@ -157,6 +158,9 @@ class Specification:
         result then speaks of loops by their outputs. None: as the plant is given.
     scan_time : float
         Of digital controllers, time unit of the plant; see `solver.model.arranged`.
+    mixing : Mixing or None
+        Combinations of outputs that the loops control, and of inputs that they move; loop i is
+        then that of the i-th combinations, in everything that is said of loops.
     bounds : Bounds
         Parameter bounds; none of a parameter that the kind does not have.
     signs : Signs
@@ -215,6 +219,7 @@ class Specification:
     scan_time: float = 0.0
     resolution: Resolution | None = None
     as_found: tuple[Controller, ...] | None = None
+    mixing: Mixing | None = None
 
     def __post_init__(self) -> None:
         self._settle()
@@ -293,7 +298,7 @@ class Specification:
         """
         if pairing is None and not isinstance(self.pairing, str):
             pairing = self.pairing
-        plant = sampled(self.plant, self.scan_time)
+        plant = _arranged(self.plant, self.scan_time, None, self.mixing)
         if pairing is not None:
             plant = paired(plant, pairing)
         if plant is self.plant and self.pairing is None:
@@ -301,10 +306,16 @@ class Specification:
         scenarios = tuple(
             scenario
             if scenario.plant is None
-            else replace(scenario, plant=_arranged(scenario.plant, self.scan_time, pairing))
+            else replace(
+                scenario,
+                plant=_arranged(scenario.plant, self.scan_time, pairing, self.mixing),
+            )
             for scenario in self.scenarios
         )
-        return replace(self, plant=plant, pairing=None, scan_time=0.0, scenarios=scenarios)
+        left = None if self.mixing is None else self.mixing.of_inputs
+        return replace(
+            self, plant=plant, pairing=None, scan_time=0.0, scenarios=scenarios, mixing=left
+        )
 
     def _check_one_plant(self) -> None:
         for name, field in (("resolution", "/controller/resolution"), ("as_found", "/as_found")):
@@ -393,6 +404,12 @@ class Specification:
         elif self.pairing is not None:
             settle(self, pairing=check_pairing(self.pairing, self.plant.n))
             paired(self.plant, self.pairing)
+        if self.mixing is not None:
+            instance(self.mixing, Mixing, "/mixing")
+            self.mixing.require_size(self.plant.n, "/mixing")
+            if self.pairing is not None:
+                message = "with combinations of signals, order their rows and columns instead"
+                raise InvalidInputError(message, "/pairing")
         settle(self, scan_time=real(self.scan_time, "/controller/scan_time"))
         if not 0 <= self.scan_time <= LARGEST:
             message = f"the scan time must lie in 0..{LARGEST:g}"
@@ -488,6 +505,10 @@ class Specification:
             raise InvalidInputError(message, where)
 
 
-def _arranged(plant: Plant, scan_time: float, pairing: tuple[int, ...] | None) -> Plant:
+def _arranged(
+    plant: Plant, scan_time: float, pairing: tuple[int, ...] | None, mixing: Mixing | None
+) -> Plant:
     plant = sampled(plant, scan_time)
+    if mixing is not None:
+        plant = mixed_outputs(plant, mixing)
     return plant if pairing is None else paired(plant, pairing)

@@ -75,6 +75,9 @@ def tune(
     """
     instance(specification, Specification, "/specification")
     require_supported(specification.plant)
+    if specification.mixing is not None and specification.mixing.inputs is not None:
+        message = "loops that move combinations of inputs are tuned by solver.limits.mixed"
+        raise UnsupportedPlantError(message, "/mixing/inputs")
     if isinstance(specification.plant, MeasuredPlant):
         return _on_data(specification, progress)
     if specification.pairing is None:

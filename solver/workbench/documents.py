@@ -24,6 +24,7 @@ VERSION = 1
 _MODULES = {
     "solver.model.controllers": ("Controller",),
     "solver.model.measured": ("MeasuredPlant",),
+    "solver.model.mixing": ("Mixing",),
     "solver.model.peaks": ("Peak",),
     "solver.model.plants": ("MatrixPlant", "ParallelPlant"),
     "solver.model.transfer_function": ("TransferFunction",),

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any, Literal, overload
 
+from solver.limits.mixed import tune_task as tune_specification
 from solver.model.errors import InvalidInputError
 from solver.model.validation import reals
 from solver.model.weights import Performance
 from solver.tuning.specification import Bounds, ControllerKind, Specification
-from solver.tuning.tuner import tune as tune_specification
 from solver.workbench.tuned import Tuned
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ def tune(
     group_sizes : sequence of int or None
         Sizes of the groups, for 'grouped', and only then.
     groups, pairing, scan_time
-        See `Specification`.
+        See `Specification`; `mixing` likewise.
     objective : Objective or str
         'tau_p', the fastest settings, or 'mu', the smallest peak of mu at `tau_p`.
     bounds, signs, demands, scenarios, spread, start, resolution, as_found

@@ -129,6 +129,8 @@ Row = Annotated[tuple[Coefficient, ...], Field(min_length=1, max_length=MAX_MATR
 class StepResponseRequest(ArrangedRequest):
     """Ask how a plant and its loops move after steps; everything rests at zero before."""
 
+    mixes_inputs = True
+
     plant: Plant = Field(description="The process; dead time is exact.", examples=[_PLANT])
     loops: Annotated[tuple[SimulatedLoop | None, ...], Field(max_length=MAX_UNITS)] = Field(
         default=(),
@@ -248,6 +250,12 @@ class StepResponseRequest(ArrangedRequest):
             return full_state_space(self.controller.build(), n)
 
     def _matrix(self) -> np.ndarray[Any, np.dtype[np.float64]] | None:
+        mixed = None if self.mixing is None else self.mixing.inputs
+        if mixed is not None:
+            if self.distribution is not None or self.controller is not None:
+                message = "one of mixing.inputs, distribution and controller is enough"
+                raise InvalidInputError(message, "/mixing/inputs")
+            return np.array(mixed)
         if self.distribution is None:
             return None
         for index, row in enumerate(self.distribution):

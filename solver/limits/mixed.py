@@ -1,0 +1,249 @@
+"""Tuning of loops that move combinations of the inputs, whose uncertainty stays with the inputs.
+
+K = M_u C is no diagonal controller, but N_RP = [[w_I K S G, w_I K S], [w_P S G, w_P S]] is what it
+was, and so is the search for the best settings of a fixed structure (`structure_search`): PI
+loops on the columns of W = M_u, each scaled so that its own static gain is one.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from solver.limits.search import bandwidth_of
+from solver.limits.structure_search import STARTS, StructureSearch
+from solver.limits.structures import INTEGRAL, SPEEDS, Structure, StructureKind
+from solver.model.controllers import Controller
+from solver.model.errors import UnsupportedPlantError
+from solver.model.frequencies import corners
+from solver.model.measured import MeasuredPlant
+from solver.model.plants import MatrixPlant
+from solver.model.transfer_function import TransferFunction
+from solver.robustness.centralised import central_blocks
+from solver.tuning.clock import Clock, OutOfTimeError
+from solver.tuning.demands import NO_DEMANDS
+from solver.tuning.groupings import named_partition
+from solver.tuning.record import SearchSummary, Status, Tuning
+from solver.tuning.specification import Arrangement, Bounds, ControllerKind, Signs
+from solver.tuning.tuner import tune
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from numpy.typing import NDArray
+
+    from solver.limits.structure_search import StructuredController
+    from solver.model.mixing import Mixing
+    from solver.tuning.groupings import Groups
+    from solver.tuning.record import Progress
+    from solver.tuning.specification import Specification
+
+__all__ = ["mixed_controller", "tune_task"]
+
+GRACE = 5.0  # seconds after the end, in which the best so far is checked on the whole axis
+SMALLEST = 1e-9  # of a loop's own gain over that of its row and column
+
+# What is not offered for loops that move combinations of inputs; and the field that asks for it.
+_NOT_OFFERED: tuple[tuple[str, object, str, str], ...] = (
+    ("scenarios", (), "/scenarios", "scenarios"),
+    ("spread", None, "/spread", "a spread of parameters"),
+    ("resolution", None, "/controller/resolution", "a resolution of the settings"),
+    ("as_found", None, "/as_found", "settings as found"),
+    ("start", None, "/search/start", "a start"),
+    ("optimality_gap", False, "/search/optimality_gap", "a proof of optimality"),
+    ("demands", NO_DEMANDS, "/demands", "demands"),
+    ("bounds", Bounds(), "/controller/bounds", "bounds"),
+    ("kind", ControllerKind.PI, "/controller/kind", "other controllers than PI"),
+    ("signs", Signs.USUAL, "/controller/signs", "other signs"),
+)
+
+
+def tune_task(
+    specification: Specification, progress: Callable[[Progress], bool | None] | None = None
+) -> Tuning:
+    """Find the best settings for a specification, whatever its loops move.
+
+    Parameters, errors: as for `solver.tuning.tuner.tune`.
+    """
+    if specification.mixing is None or specification.mixing.inputs is None:
+        return tune(specification, progress)
+    return _tune(specification, progress)
+
+
+def mixed_controller(loops: Sequence[Controller], mixing: Mixing) -> MatrixPlant:
+    """Return M_u C as a matrix of transfer functions."""
+    assert mixing.inputs is not None  # noqa: S101 - for the type checker: who calls knows
+
+    def element(factor: float, loop: Controller) -> TransferFunction:
+        if factor == 0:
+            return TransferFunction((0.0,), (1.0,))
+        num, den = np.array([factor * loop.gain]), np.ones(1)
+        if loop.integral_time is not None:
+            num = np.polymul(num, np.array([loop.integral_time, 1.0]))
+            den = np.array([loop.integral_time, 0.0])
+        if loop.derivative_time is not None:
+            num = np.polymul(num, np.array([loop.derivative_time, 1.0]))
+        if loop.lag_time:
+            den = np.asarray(np.polymul(den, np.array([loop.lag_time, 1.0])), dtype=float)
+        return TransferFunction(num.tolist(), den.tolist())
+
+    return MatrixPlant(
+        [
+            [element(factor, loop) for factor, loop in zip(row, loops, strict=True)]
+            for row in mixing.inputs
+        ]
+    )
+
+
+def _tune(
+    specification: Specification, progress: Callable[[Progress], bool | None] | None
+) -> Tuning:
+    for name, usual, where, words in _NOT_OFFERED:
+        if getattr(specification, name) != usual:
+            message = f"loops that move combinations of inputs (mixing.inputs) are without {words}"
+            raise UnsupportedPlantError(message, where)
+    if specification.arrangement is Arrangement.BEST:
+        message = "with mixing.inputs, name the arrangement: identical, independent, grouped"
+        raise UnsupportedPlantError(message, "/controller/arrangement")
+    if specification.uncertainty.unlike_inputs:
+        message = "with mixing.inputs all inputs need one uncertainty"
+        raise UnsupportedPlantError(message, "/uncertainty")
+    task = specification.arranged(None)
+    if isinstance(task.plant, MeasuredPlant):
+        message = "with mixing.inputs the plant needs transfer functions"
+        raise UnsupportedPlantError(message, "/mixing/inputs")
+    scales = np.array(task.performance.output_scale or (1.0,) * task.plant.n)
+    groups = named_partition(task)
+    structure, own = _structure(task, scales, groups)
+    clock = Clock(task.time_limit, progress, lambda value: value)
+    clock.total = STARTS
+    performance = replace(task.performance, output_scale=None)
+    search = StructureSearch(structure, task.uncertainty, performance, clock.tick)
+    status = Status.OPTIMAL
+    try:
+        found = search.run()
+    except OutOfTimeError:
+        status, found = Status.TIME_LIMIT, None
+        clock.grant(GRACE)
+        with suppress(OutOfTimeError):
+            found = search.kept()
+        if found is None:
+            reason = "no feasible settings were found within the time limit"
+            return _nothing(task, groups, clock, reason, status)
+    if found is None or found.robustness.peaks is None:
+        reason = "none were found that meet the demand at any tau_P"
+        return _nothing(task, groups, clock, reason, Status.INFEASIBLE)
+    return replace(
+        _result(task, groups, found, own * scales),
+        status=status,
+        search=SearchSummary(STARTS, (), task.seed, clock.elapsed),
+    )
+
+
+def _structure(
+    task: Specification, scales: NDArray[np.float64], groups: Groups
+) -> tuple[Structure, NDArray[np.float64]]:
+    """Return the structure of the task in units of the permitted errors, and each loop's own gain.
+
+    Raises
+    ------
+    UnsupportedPlantError
+        A plant without static gain, or a loop that does not act on its own output at rest.
+
+    """
+    assert task.mixing is not None  # noqa: S101 - for the type checker
+    M = np.array(task.mixing.inputs)
+    n = task.plant.n
+    rows = [[_scaled(task.plant.element(r, c), 1 / scales[r]) for c in range(n)] for r in range(n)]
+    plant = MatrixPlant(rows)
+    gain = plant.static_gain()
+    if not np.isfinite(gain).all():
+        message = "with mixing.inputs the plant must have a static gain: it integrates"
+        raise UnsupportedPlantError(message, "/plant")
+    seen = gain @ M
+    own = np.diag(seen).copy()
+    for loop, value in enumerate(own):
+        most = max(np.abs(seen[loop]).max(), np.abs(seen[:, loop]).max())
+        if abs(value) <= SMALLEST * most:
+            message = (
+                f"loop {loop + 1} does not act on what it controls at rest: take another order of "
+                "the rows of outputs or the columns of inputs"
+            )
+            raise UnsupportedPlantError(message, "/mixing/inputs")
+    for index, group in enumerate(groups):
+        if len({float(np.sign(own[unit])) for unit in group}) > 1:
+            message = "loops of one group act on their outputs with unlike signs"
+            raise UnsupportedPlantError(message, f"/controller/groups/{index}")
+        # Equal settings on all of them, whatever their own gains are.
+        own[list(group)] = own[group[0]] / scales[group[0]] * scales[list(group)]
+    bends = corners(plant, task.uncertainty)
+    bandwidth = bandwidth_of(plant, task.uncertainty, bends)
+    lag = 1 / float(corners(plant).min())
+    pairs = [
+        np.log([max(speed * bandwidth * lag, 1e-2), time])
+        for speed in SPEEDS
+        for time in sorted({INTEGRAL / (speed * bandwidth), lag})
+    ]
+    owner = {unit: index for index, group in enumerate(groups) for unit in group}
+    starts = [np.tile(pair, len(groups)) for pair in pairs]
+    if len(groups) > 1:  # a direction that is weaker may be the slower one
+        starts += [np.concatenate([one, *[two] * (len(groups) - 1)]) for one in pairs[::2]
+                   for two in pairs[::2] if one is not two]  # fmt: skip
+    structure = Structure(
+        StructureKind.STATIC_DECOUPLING, plant, central_blocks(plant, task.uncertainty),
+        (M / own,), (tuple(owner[unit] for unit in range(n)),),
+        tuple(f"group {index + 1}" for index in range(len(groups))), None, starts,
+    )  # fmt: skip
+    return structure, own
+
+
+def _scaled(element: TransferFunction, factor: float) -> TransferFunction:
+    if element.is_zero:
+        return element
+    num = [factor * c for c in element.num]
+    return TransferFunction(num, element.den, element.dead_time)
+
+
+def _result(
+    task: Specification,
+    groups: Groups,
+    found: StructuredController,
+    units: NDArray[np.float64],
+) -> Tuning:
+    loops: list[Controller | None] = [None] * task.plant.n
+    for group, (_, gain, integral_time) in zip(groups, found.settings, strict=True):
+        for unit in group:
+            loops[unit] = Controller(gain / float(units[unit]), integral_time)
+    return Tuning(
+        status=Status.OPTIMAL,
+        objective=task.objective.value,
+        tau_p=found.tau_p,
+        peaks=found.robustness.peaks,
+        loops=tuple(loop for loop in loops if loop is not None),
+        groups=groups,
+        nominally_stable=True,
+        search=SearchSummary(STARTS, (), task.seed, 0.0),
+        curves=found.robustness.curves,
+        guarantee=found.robustness.guarantee,
+        warnings=found.robustness.warnings,
+    )
+
+
+def _nothing(
+    task: Specification, groups: Groups, clock: Clock, reason: str, status: Status
+) -> Tuning:
+    return Tuning(
+        status=status,
+        objective=task.objective.value,
+        tau_p=None,
+        peaks=None,
+        loops=(),
+        groups=groups,
+        nominally_stable=False,
+        search=SearchSummary(0, (), task.seed, clock.elapsed),
+        curves=None,
+        reason=reason,
+    )
