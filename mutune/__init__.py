@@ -70,6 +70,7 @@ if TYPE_CHECKING:
     from solver.model.measured import MeasuredPlant
     from solver.model.mixing import Mixing
     from solver.model.mode_controller import ModeController
+    from solver.model.neighbours import NeighbourPlant
     from solver.model.parallel_equipment import (
         BurnerPasses,
         ParallelCompressors,
@@ -197,6 +198,7 @@ __all__ = [
     "Mixing",
     "ModeController",
     "MutuneError",
+    "NeighbourPlant",
     "Objective",
     "Obstacle",
     "Optimality",
@@ -346,6 +348,7 @@ _HOMES = {
     "solver.model.from_state_space": "from_state_space",
     "solver.model.measured": "MeasuredPlant",
     "solver.model.mixing": "Mixing",
+    "solver.model.neighbours": "NeighbourPlant",
     "solver.model.plants": "MatrixPlant ParallelPlant Plant first_order",
     "solver.model.state_space": "StateSpace",
     "solver.model.transfer_function": "TransferFunction",

@@ -67,6 +67,9 @@ CASES: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
             "n": 2, "holdup_heat": 800.0, "stream_heat": 20.0, "fuel_heat": 1000.0, "shared": 0.5,
             "firebox_time": 1.0, "fuel_time": 1.0, "dead_time": 1.0,
         },
+        "NeighbourPlant": {
+            "n": 5, "process": LOAD, "ahead": (LOAD,), "behind": (LOAD,), "ring": True,
+        },
         "Mixing": {"outputs": ((1.0, 1.0), (-1.0, 1.0)), "inputs": ((1.0, -1.0), (1.0, 1.0))},
         "MeasuredPlant": {
             "omega": np.array([0.1, 1.0, 10.0]), "values": np.ones((3, 1, 1)), "unstable_poles": 0,

@@ -43,6 +43,7 @@ from service.wording import (
 from solver import __version__
 from solver.model.controllers import Controller
 from solver.model.measured import MeasuredPlant
+from solver.model.neighbours import NeighbourPlant
 from solver.model.plants import Plant
 from solver.model.transfer_function import TransferFunction
 from solver.robustness.margins import Margins, loop_margins
@@ -99,6 +100,11 @@ def report_html(tuned: RequestedTuning, made_at: datetime, job: str | None = Non
         elements=_elements(tuned),
         weights=_weights(tuned),
         typed=typed_in_per_cent(tuned),
+        neighbours=[
+            (place.words, mathml.transfer_function(place.element)) for place in tuned.plant.places
+        ]
+        if isinstance(tuned.plant, NeighbourPlant)
+        else [],
         measured=isinstance(tuned.plant, MeasuredPlant),
         peaks=peak_rows(result.peaks),
         certificate=result.certificate,
@@ -149,7 +155,7 @@ def _quoted_text(text: str) -> str:
 
 def _elements(tuned: RequestedTuning) -> list[list[Markup]]:
     plant = tuned.plant
-    if plant.interchangeable or isinstance(plant, MeasuredPlant):
+    if plant.interchangeable or isinstance(plant, MeasuredPlant | NeighbourPlant):
         return []
     return [[mathml.transfer_function(each) for each in row] for row in plant.rows]
 
@@ -164,7 +170,7 @@ def _margins(
     plant: Plant, loops: Sequence[Controller], labels: Mapping[int, str] = MappingProxyType({})
 ) -> list[tuple[str, ...]]:
     """Return the margins of each kind of loop, `labels` being names by its first unit."""
-    if not loops or isinstance(plant, MeasuredPlant):
+    if not loops or isinstance(plant, MeasuredPlant | NeighbourPlant):
         return []
     rows: list[tuple[str, ...]] = []
     for row in loop_margins(plant, loops):

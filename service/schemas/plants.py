@@ -9,6 +9,7 @@ from pydantic import Field, JsonValue
 
 import solver.model.from_state_space
 import solver.model.measured
+import solver.model.neighbours
 import solver.model.plants
 import solver.model.transfer_function
 from service.schemas.fields import (
@@ -23,11 +24,14 @@ from service.schemas.fields import (
 )
 from solver.model.errors import InvalidInputError
 from solver.model.measured import MAX_POINTS, MIN_POINTS
+from solver.model.neighbours import MAX_LINE, MAX_RING
 from solver.model.plants import MAX_MATRIX_SIZE, MAX_UNITS
 from solver.model.state_space import MAX_STATES
 from solver.model.transfer_function import LARGEST
 
 __all__ = [
+    "BandedPlant",
+    "CirculantPlant",
     "FirstOrderPlant",
     "MatrixPlant",
     "MeasuredPlant",
@@ -173,6 +177,77 @@ class StateSpacePlant(RequestModel):
         )
 
 
+_Neighbours = Annotated[tuple[TransferFunction, ...], Field(max_length=MAX_RING - 1)]
+_SIDE = {"num": [0.3], "den": [50.0, 1.0], "dead_time": 1.0}
+
+
+class NeighbourUnits(RequestModel):
+    """Equal units, each disturbing those beside it by their distance."""
+
+    process: TransferFunction = Field(
+        description="From a unit's input to its own output.", examples=[_LAG]
+    )
+    ahead: _Neighbours = Field(
+        description="From the inputs of the units 1, 2, .. places further on to a unit's output; "
+        "all others have no effect.",
+        examples=[[_SIDE]],
+    )
+    behind: _Neighbours | None = Field(
+        default=None,
+        description="The same of the units before it; null: as ahead.",
+        examples=[None],
+    )
+
+    def _built(self, n: int, *, ring: bool) -> solver.model.plants.Plant:
+        with below("/process"):
+            process = self.process.build()
+        sides: list[tuple[solver.model.transfer_function.TransferFunction, ...]] = []
+        for name in ("ahead", "behind"):
+            built = []
+            for index, element in enumerate(getattr(self, name) or ()):
+                with below(f"/{name}/{index}"):
+                    built.append(element.build())
+            sides.append(tuple(built))
+        plant = solver.model.neighbours.NeighbourPlant(
+            n, process, sides[0], None if self.behind is None else sides[1], ring=ring
+        )
+        # Of few units everything is computed and proven as of any matrix.
+        few = n <= MAX_MATRIX_SIZE
+        return solver.model.plants.MatrixPlant(plant.rows) if few else plant
+
+
+class CirculantPlant(NeighbourUnits):
+    """Equal units in a ring, the last beside the first: a circulant matrix."""
+
+    kind: Literal["circulant"] = Field(
+        description="Equal units in a ring, by the effects of their neighbours.",
+        examples=["circulant"],
+    )
+    n: Annotated[int, Field(ge=2, le=MAX_RING, json_schema_extra={"x-unit": "1"}), WHOLE] = Field(
+        description="Number of units.", examples=[24]
+    )
+
+    def build(self) -> solver.model.plants.Plant:
+        """Return the solver's plant."""
+        return self._built(self.n, ring=True)
+
+
+class BandedPlant(NeighbourUnits):
+    """Equal units in a row, as zones or lanes: a banded matrix."""
+
+    kind: Literal["banded"] = Field(
+        description="Equal units in a row, by the effects of their neighbours.",
+        examples=["banded"],
+    )
+    n: Annotated[int, Field(ge=2, le=MAX_LINE, json_schema_extra={"x-unit": "1"}), WHOLE] = Field(
+        description="Number of units.", examples=[12]
+    )
+
+    def build(self) -> solver.model.plants.Plant:
+        """Return the solver's plant."""
+        return self._built(self.n, ring=False)
+
+
 Points = Annotated[
     tuple[Number, ...],
     Field(
@@ -240,6 +315,12 @@ class MeasuredPlant(RequestModel):
 
 
 Plant = Annotated[
-    ParallelPlant | FirstOrderPlant | MatrixPlant | StateSpacePlant | MeasuredPlant,
+    ParallelPlant
+    | FirstOrderPlant
+    | MatrixPlant
+    | StateSpacePlant
+    | MeasuredPlant
+    | CirculantPlant
+    | BandedPlant,
     Field(discriminator="kind"),
 ]

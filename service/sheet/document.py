@@ -16,7 +16,8 @@ from service.sheet.risks import Said, risks
 from service.tuned import MIXED, RequestedTuning
 from solver.model.errors import InvalidInputError
 from solver.model.measured import ADVICE, MeasuredPlant
-from solver.robustness.analysis import analyse
+from solver.model.neighbours import NeighbourPlant
+from solver.robustness.analysis import MANY, analyse
 from solver.robustness.margins import Margins
 from solver.robustness.record import Robustness
 from solver.simulation.experiment import StepKind
@@ -54,6 +55,13 @@ def loop_sheet(tuned: RequestedTuning) -> LoopSheet:
             tuple(Said("note", "warning", text) for text in said if text),
             {},
             {"set_point": ADVICE, "load": ADVICE},
+        )
+    if isinstance(tuned.plant, NeighbourPlant):
+        return LoopSheet(
+            (),
+            tuple(Said("note", "note", text) for text in robustness.warnings),
+            {},
+            {"set_point": MANY, "load": MANY},
         )
     others = {IDENTICAL: tuned.identical} if tuned.identical and len(tuned.settings) > 1 else {}
     if tuned.specification.as_found is not None:

@@ -19,6 +19,7 @@ from solver.certificate.record import Certificate, Claim, ProvenInterval
 from solver.certificate.reduction import MAX_SETTINGS, settings_of
 from solver.certificate.taylor_models import PRECISION
 from solver.model.blocks import group_loops
+from solver.model.neighbours import NeighbourPlant
 from solver.model.precision import working_precision
 from solver.mu.kernel import FINE
 from solver.mu.scaling import sweep
@@ -102,6 +103,8 @@ def certify(
         The performance weight has no time constant.
 
     """
+    if isinstance(claim.plant, NeighbourPlant):
+        return CertificateFailure(Obstacle.TOO_LARGE)
     settings = settings_of(
         claim.plant, claim.loops, claim.uncertainty, claim.performance.output_scale
     )

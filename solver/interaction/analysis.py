@@ -44,6 +44,7 @@ from solver.interaction.relative_gain import (
 from solver.interaction.zeros import TransmissionZeros, ZeroMethod, transmission_zeros
 from solver.model.equality import ByValue
 from solver.model.frequencies import corners_of
+from solver.model.neighbours import refuse_many
 from solver.model.plants import MAX_MATRIX_SIZE, ParallelPlant, Plant
 from solver.model.remarks import plant_remarks
 from solver.model.validation import MAX_FREQUENCIES, frequencies, instance
@@ -159,6 +160,7 @@ def analyse_interaction(plant: Plant, omega: ArrayLike | None = None) -> Interac
 
     """
     instance(plant, Plant, "/plant")
+    refuse_many(plant, "the analysis of interaction")
     if omega is None:
         bends = corners_of(set(plant.elements))
         omega = np.geomspace(bends[0] / 10, bends[-1] * 10, _POINTS)

@@ -23,6 +23,7 @@ from solver.interaction.weighted_sum import WeightedSum
 from solver.model.equality import ByValue
 from solver.model.errors import InvalidInputError, UnsupportedPlantError
 from solver.model.frequencies import corners_of
+from solver.model.neighbours import refuse_many
 from solver.model.plants import MAX_MATRIX_SIZE, ParallelPlant, Plant
 from solver.model.transfer_function import LARGEST
 from solver.model.validation import MAX_FREQUENCIES, frequencies, instance, real, reals, settle
@@ -109,6 +110,7 @@ class DecouplingSpecification(ByValue):
 
     def _settle(self) -> None:
         instance(self.plant, Plant, "/plant")
+        refuse_many(self.plant, "decoupling")
         instance(self.limits, RobustnessLimits, "/limits")
         if self.max_index is not None:
             settle(self, max_index=real(self.max_index, "/max_index"))

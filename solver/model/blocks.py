@@ -28,6 +28,7 @@ import numpy as np
 
 from solver.model.errors import InvalidInputError
 from solver.model.measured import MeasuredPlant
+from solver.model.neighbours import Mode, NeighbourPlant, modes, period, sections
 from solver.model.plants import ParallelPlant, Plant
 from solver.model.weights import Structure
 
@@ -135,6 +136,8 @@ class LoopBlocks:
         """Plant of each block at the complex points `s` (k,): (k, m, m) complex each."""
         if isinstance(self.plant, MeasuredPlant):
             return (self.plant.response(s.imag) * self.ratios,)
+        if self.modes:
+            return self._ring(s)
         if not isinstance(self.plant, ParallelPlant):
             n = self.plant.n
             G = np.empty((s.size, n, n), dtype=complex)
@@ -153,8 +156,54 @@ class LoopBlocks:
         return (mean, *(single for _ in self.blocks[1:]))
 
     @cached_property
+    def modes(self) -> tuple[Mode, ...]:
+        """The modes of a ring that its blocks are; empty where they are none."""
+        ring = isinstance(self.plant, NeighbourPlant) and len(self.blocks) > 1
+        return modes(self.plant, len(self.parts)) if ring else ()  # type: ignore[arg-type]  # as told
+
+    @cached_property
+    def _sections(self) -> list[tuple[int, list[list[TransferFunction]]]]:
+        """The sections of a ring in which anything is, with their numbers."""
+        assert isinstance(self.plant, NeighbourPlant)  # noqa: S101 - for the type checker
+        every = enumerate(sections(self.plant, len(self.parts)))
+        return [(m, part) for m, part in every if not all(e.is_zero for row in part for e in row)]
+
+    def _ring(self, s: NDArray[np.complex128]) -> tuple[NDArray[np.complex128], ...]:
+        values = {e: np.asarray(e(s)) for _, part in self._sections for row in part for e in row}
+        found = np.array([[[values[e] for e in row] for row in part] for _, part in self._sections])
+        there = np.moveaxis(found, -1, 1) * self.ratios
+        own = [number for number, _ in self._sections]
+        return tuple(
+            replace(
+                mode,
+                cosines=mode.cosines[own],
+                sines=None if mode.sines is None else mode.sines[own],
+            ).response(there)
+            for mode in self.modes
+        )
+
+    def _ring_terms(self, index: int) -> tuple[tuple[tuple[WeightedElement, ...], ...], ...]:
+        mode, size = self.modes[index], len(self.parts)
+        sine = np.zeros(len(mode.cosines)) if mode.sines is None else mode.sines
+
+        def entry(row: int, column: int) -> tuple[WeightedElement, ...]:
+            weights = mode.cosines if row // size == column // size else sine
+            weights = -weights if row < column and row // size != column // size else weights
+            a, b = row % size, column % size
+            return tuple(
+                WeightedElement(float(weights[m] * self.ratios[a, b]), part[a][b])
+                for m, part in self._sections
+                if weights[m] != 0 and not part[a][b].is_zero
+            )
+
+        rows = range(self.blocks[index].size)
+        return tuple(tuple(entry(row, column) for column in rows) for row in rows)
+
+    @cached_property
     def units(self) -> tuple[int, ...]:
         """A unit that stands for each row of all blocks below each other, (rows,)."""
+        if self.modes:
+            return tuple(self.parts[scale][0] for block in self.blocks for scale in block.scales)
         own = (index for index, part in enumerate(self.parts) if len(part) > 1)
         return tuple(self.parts[index][0] for index in (*range(len(self.parts)), *own))
 
@@ -170,6 +219,8 @@ class LoopBlocks:
     def terms(self, index: int) -> tuple[tuple[tuple[WeightedElement, ...], ...], ...]:
         """Return what the entries of block `index` are sums of, row by row."""
         plant = self.plant
+        if self.modes:
+            return self._ring_terms(index)
         if not isinstance(plant, ParallelPlant):
             return tuple(
                 tuple(
@@ -268,6 +319,10 @@ def reduce(
     if not isinstance(plant, ParallelPlant):
         owner = {unit: index for index, group in enumerate(partition) for unit in group}
         channels = tuple(owner[unit] for unit in range(plant.n))
+        mark = marks(uncertainty, scales)
+        places = period(plant, [(owner[unit], mark(unit)) for unit in range(plant.n)])
+        if isinstance(plant, NeighbourPlant) and places is not None and not full:
+            return _ring_blocks(plant, partition, channels, places, scales)
         own = (0,) * plant.n if full else tuple(range(plant.n))
         block = Block(channels, own, 1)
         return LoopBlocks(plant, partition, (block,), 1 if full else plant.n, plant.kinds, scales)
@@ -282,6 +337,25 @@ def reduce(
         if len(part) > 1
     ]
     return LoopBlocks(plant, partition, tuple(blocks), 1 if full else size, parts, scales)
+
+
+def _ring_blocks(
+    plant: NeighbourPlant,
+    partition: tuple[tuple[int, ...], ...],
+    channels: tuple[int, ...],
+    places: int,
+    scales: tuple[float, ...] | None,
+) -> LoopBlocks:
+    """Return the modes of a ring that repeats itself every `places` units."""
+    own, places_of = channels[:places], tuple(range(places))
+    blocks = tuple(
+        Block(own, places_of, mode.multiplicity)
+        if mode.sines is None
+        else Block(own * 2, places_of * 2, mode.multiplicity)
+        for mode in modes(plant, places)
+    )
+    parts = tuple(tuple(range(place, plant.n, places)) for place in places_of)
+    return LoopBlocks(plant, partition, blocks, places, parts, scales)
 
 
 def marks(

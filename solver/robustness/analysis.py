@@ -14,7 +14,9 @@ from solver.certificate.search import PROVEN_ABOVE, prove
 from solver.model.blocks import group_loops
 from solver.model.given import require_loops, require_weights
 from solver.model.measured import MeasuredPlant
+from solver.model.neighbours import NeighbourPlant
 from solver.model.peaks import Peak
+from solver.model.plants import MAX_MATRIX_SIZE
 from solver.model.remarks import plant_remarks
 from solver.model.validation import MAX_FREQUENCIES, flag, frequencies
 from solver.robustness.axis import proven_count, proven_peaks
@@ -31,14 +33,20 @@ from solver.stability.closed_loop import ClosedLoopPoles, closed_loop_poles
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import ArrayLike
+    from numpy.typing import ArrayLike, NDArray
 
     from solver.certificate.record import Certificate
     from solver.model.controllers import Controller
     from solver.model.plants import Plant
     from solver.model.weights import Performance, Uncertainty
+    from solver.robustness.axis import AxisPeaks
 
-__all__ = ["analyse"]
+__all__ = ["MANY", "analyse"]
+
+MANY = (
+    f"of a ring or a row of more than {MAX_MATRIX_SIZE} units the bounds of mu are computed; lower "
+    "bound, margins and certificate are not"
+)
 
 
 def analyse(
@@ -96,12 +104,16 @@ def analyse(
             peaks=None,
             curves=None,
             stable_gain_factor=None if poles.at_origin else stable_gain_factor(plant, loops),
-            margins=loop_margins(plant, loops, stable=False),
+            margins=()
+            if isinstance(plant, NeighbourPlant)
+            else loop_margins(plant, loops, stable=False),
             warnings=(_unstable(poles), *plant_remarks(plant)),
         )
     axis = proven_peaks(plant, uncertainty, performance, loops)
     peaks = axis.peaks
     top = np.array([peaks.robust_performance.omega])
+    if isinstance(plant, NeighbourPlant):
+        return _of_many(plant, axis, analysis, wanted, loops)
     worst = worst_case(
         blocks, controllers, uncertainty, performance, omega=top, scales=analysis.scales(top)
     )
@@ -127,6 +139,26 @@ def analyse(
         guarantee=axis.guarantee,
         model_tolerance=model_tolerances(plant, performance, loops, axis.curves.omega),
         warnings=tuple(warnings),
+    )
+
+
+def _of_many(
+    plant: NeighbourPlant,
+    axis: AxisPeaks,
+    analysis: LoopAnalysis,
+    wanted: NDArray[np.float64] | None,
+    loops: Sequence[Controller],
+) -> Robustness:
+    """Return what is computed of a ring or a row of many units: the bounds and how fast it is."""
+    return Robustness(
+        nominally_stable=True,
+        unstable_poles=0,
+        peaks=axis.peaks,
+        curves=axis.curves if wanted is None else analysis.curves(wanted),
+        uncertainty_scaling=1 / axis.peaks.robust_stability.value,
+        bandwidths=bandwidths(plant, loops, [None], loop_frequencies(plant, loops)),
+        guarantee=axis.guarantee,
+        warnings=(MANY, *plant_remarks(plant)),
     )
 
 

@@ -21,7 +21,9 @@ from solver.certificate.record import Claim
 from solver.certificate.reduction import settings_of
 from solver.model.blocks import group_loops
 from solver.model.errors import InvalidInputError
+from solver.model.neighbours import NeighbourPlant
 from solver.model.peaks import Peak, greatest, tops, zoom
+from solver.model.plants import MAX_MATRIX_SIZE
 from solver.robustness.curves import LoopAnalysis
 from solver.robustness.enclosed_forms import NOMINAL, ROBUST, STABILITY
 from solver.robustness.followed import followed_count
@@ -231,6 +233,8 @@ def _compiled(
     plant: Plant, uncertainty: Uncertainty, performance: Performance, loops: Sequence[Controller]
 ) -> tuple[Tables, Scratch] | None:
     """Return the loop for the compiled enclosures; None where it has too many settings."""
+    if isinstance(plant, NeighbourPlant):
+        return None  # the cosines of its modes are no rational numbers
     if len(settings_of(plant, loops, uncertainty, performance.output_scale)) > MOST_PROVEN:
         return None
     level = 1.0  # each march brings its own
@@ -281,6 +285,8 @@ class _CurveSearch:
             self._refine(np.array([start + int(np.argmax(self.values[start:]))]))
         if self.compiled is None:
             self.reason = f"more than {MOST_PROVEN} loops differ"
+            if isinstance(self.analysis.blocks.plant, NeighbourPlant):
+                self.reason = f"rings and rows of more than {MAX_MATRIX_SIZE} units are not proven"
             self._resolve()
             return
         self._prove(*self.compiled)

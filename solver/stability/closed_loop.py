@@ -17,7 +17,7 @@ from solver.model.frequencies import corners, finite_reach, resonances
 from solver.model.open_loop import require_supported
 from solver.model.plants import ParallelPlant
 from solver.stability.encirclements import LoopBatch, count_unstable
-from solver.stability.neutral import direct_gain, neutral_gain
+from solver.stability.neutral import direct_gain, mode_gain, neutral_gain
 from solver.stability.singular import lost_directions
 
 if TYPE_CHECKING:
@@ -108,6 +108,8 @@ def closed_loop_poles(plant: Plant, loops: Sequence[Controller]) -> ClosedLoopPo
     at_origin = sum(m * count for m, count in zip(multiplicities, lost, strict=True))
     acting = [controllers[channel] for channel in blocks.blocks[0].channels]
     counts = np.array([[float(len(part)) for part in blocks.parts]])
+    if blocks.modes:
+        acting, counts = list(loops), np.ones((1, plant.n))
     if neutral_gain(plant, acting, counts)[0] >= 1:
         return ClosedLoopPoles(INFINITELY_MANY, at_origin)
     means, differences = direct_gain(plant, acting, counts)
@@ -121,6 +123,8 @@ def closed_loop_poles(plant: Plant, loops: Sequence[Controller]) -> ClosedLoopPo
             return _factors(blocks, controllers, omega)[:, None]
 
         direct = means if index == 0 else differences[list(block.channels), None, None]
+        if blocks.modes:
+            direct = mode_gain(blocks, controllers, index)
         many = isinstance(plant, ParallelPlant) and block.size > MANY
         batch = LoopBatch(
             loop_gain, bends, resonances(plant), direct,

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from solver.model.blocks import LoopBlocks
     from solver.model.controllers import Controller
     from solver.model.plants import Plant
     from solver.model.transfer_function import TransferFunction
@@ -86,6 +87,18 @@ def direct_gain(
     used = np.eye(c.size) * (counts > 0)[:, None, :]
     means = ((own - other) * used + other * (root[:, :, None] * root[:, None, :])) * c
     return np.asarray(means), (own - other) * c
+
+
+def mode_gain(
+    blocks: LoopBlocks, controllers: Sequence[Controller], index: int
+) -> NDArray[np.float64]:
+    """Return what one mode of a ring passes on at once, (1, m, m)."""
+    c = np.array(
+        [_high_frequency_gain(controllers[channel]) for channel in blocks.blocks[index].channels]
+    )
+    terms = blocks.terms(index)
+    D = np.array([[sum(f * _at(e, 0.0) for f, e in entry) for entry in row] for row in terms])
+    return np.asarray(D * c)[None]
 
 
 def feedthrough(plant: Plant, time: float) -> NDArray[np.float64]:

@@ -63,12 +63,29 @@ def origin_poles(plant: Plant, counts: NDArray[np.float64]) -> NDArray[np.int64]
 def lost_directions(blocks: LoopBlocks) -> list[int]:
     """Return how many directions of the static gain each block lacks."""
     plant = blocks.plant
+    if blocks.modes:
+        return [_lost_of_mode(blocks, index) for index in range(len(blocks.blocks))]
     if not isinstance(plant, ParallelPlant):
         return [int(origin_poles(plant, np.ones((1, plant.n)))[0])]
     lost_sum, lost_difference = _parallel_lost_directions(plant, np.array([plant.n]))
     difference = int(lost_difference)
     means = int(lost_sum[0]) + (len(blocks.groups) - 1) * difference
     return [means, *[difference] * (len(blocks.blocks) - 1)]
+
+
+def _lost_of_mode(blocks: LoopBlocks, index: int) -> int:
+    """Return how many directions of the static gain one mode of a ring lacks.
+
+    Integrating plants are not looked at: none are counted.
+    """
+    terms = blocks.terms(index)
+    gain = np.array([[sum(f * e.static_gain for f, e in entry) for entry in row] for row in terms])
+    if not np.isfinite(gain).all():
+        return 0
+    # Against what cancels in it: a mode that is weaker than the others is none the worse.
+    size = max(sum(abs(f * e.static_gain) for f, e in entry) for row in terms for entry in row)
+    values = np.linalg.svd(gain, compute_uv=False)
+    return int(np.count_nonzero(values * SINGULAR_CONDITION <= size))
 
 
 def _parallel_lost_directions(

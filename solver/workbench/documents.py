@@ -25,6 +25,7 @@ _MODULES = {
     "solver.model.controllers": ("Controller",),
     "solver.model.measured": ("MeasuredPlant",),
     "solver.model.mixing": ("Mixing",),
+    "solver.model.neighbours": ("NeighbourPlant",),
     "solver.model.peaks": ("Peak",),
     "solver.model.plants": ("MatrixPlant", "ParallelPlant"),
     "solver.model.transfer_function": ("TransferFunction",),

@@ -1,0 +1,238 @@
+"""Units in a row or a ring, each disturbing those beside it: cross-directional control, zones.
+
+Element (r, c) depends on the distance c - r alone: a banded Toeplitz matrix for a row of units, a
+circulant one for a ring. Under loops whose settings repeat every p units around a ring of n = q p,
+turning the ring by p units changes nothing, so the discrete Fourier transform over the q sections
+splits the loop into modes k = 0 .. q - 1 with the p x p plants
+
+    G_k = sum_m G(., . + m p) exp(2 pi i k m/q)
+
+that share one D-scale for each place in a section (by convexity the best scales are equal in all
+sections). Modes k and q - k are one real block [Re G_k, -Im G_k; Im G_k, Re G_k]; where the
+imaginary part vanishes, as for equal neighbours on both sides and p = 1, it is G_k twice.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from solver.model.errors import InvalidInputError, UnsupportedPlantError
+from solver.model.plants import MAX_MATRIX_SIZE, MatrixPlant, PlacedElement, Plant
+from solver.model.transfer_function import TransferFunction
+from solver.model.validation import flag, instance, instances, integer, settle
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Hashable, Sequence
+
+    from numpy.typing import NDArray
+
+__all__ = [
+    "MAX_LINE",
+    "MAX_RING",
+    "Mode",
+    "NeighbourPlant",
+    "modes",
+    "period",
+    "refuse_many",
+    "sections",
+]
+
+MAX_RING, MAX_LINE = 100, 20
+ZERO = TransferFunction((0.0,), (1.0,))
+VANISHES = 1e-15  # a factor that is zero but for the rounding of pi
+
+
+@dataclass(frozen=True)
+class NeighbourPlant(Plant):
+    """Equal units in a row or a ring.
+
+    Parameters
+    ----------
+    n : int
+        Number of units: 2..`MAX_RING` in a ring, 2..`MAX_LINE` in a row, whose ends leave no
+        symmetry.
+    process : TransferFunction
+        From a unit's input to its own output.
+    ahead : tuple of TransferFunction
+        From the inputs of the units 1, 2, .. places further on to a unit's output.
+    behind : tuple of TransferFunction or None
+        The same of the units before it; None: as `ahead`.
+    ring : bool
+        Whether the last unit stands beside the first.
+
+    """
+
+    n: int
+    process: TransferFunction
+    ahead: tuple[TransferFunction, ...]
+    behind: tuple[TransferFunction, ...] | None = None
+    ring: bool = True
+
+    def __post_init__(self) -> None:
+        settle(self, n=integer(self.n, "/n"), ring=flag(self.ring, "/ring"))
+        instance(self.process, TransferFunction, "/process")
+        settle(self, ahead=instances(self.ahead, TransferFunction, "/ahead"))
+        if self.behind is not None:
+            settle(self, behind=instances(self.behind, TransferFunction, "/behind"))
+        most = MAX_RING if self.ring else MAX_LINE
+        if not 2 <= self.n <= most:
+            message = f"the number of units in a {self._kind} must lie in 2..{most}"
+            raise InvalidInputError(message, "/n")
+        if self.process.is_zero:
+            message = "the process is zero: its input has no effect on its output"
+            raise InvalidInputError(message, "/process/num")
+        reach = len(self.ahead) + len(self._behind)
+        if reach > self.n - 1 if self.ring else max(len(self.ahead), len(self._behind)) >= self.n:
+            message = f"{reach} neighbours in a {self._kind} of {self.n} units: some are one unit"
+            raise InvalidInputError(message, "/ahead")
+
+    @property
+    def _kind(self) -> str:
+        return "ring" if self.ring else "row"
+
+    @property
+    def _behind(self) -> tuple[TransferFunction, ...]:
+        return self.ahead if self.behind is None else self.behind
+
+    @property
+    def interchangeable(self) -> bool:
+        """Whether any two units may change places: no, a unit has its neighbours."""
+        return False
+
+    @property
+    def places(self) -> tuple[PlacedElement, ...]:
+        """The process and what the neighbours do."""
+        found = [PlacedElement("process", "/process", self.process)]
+        sides = [("ahead", self.ahead)] + ([("behind", self.behind)] if self.behind else [])
+        found += [
+            PlacedElement(f"{name} {index + 1}", f"/{name}/{index}", element)
+            for name, side in sides
+            for index, element in enumerate(side)
+        ]
+        return tuple(found)
+
+    def element(self, row: int, column: int) -> TransferFunction:
+        """Return the transfer function from input `column` to output `row`."""
+        distance = column - row
+        if self.ring:
+            distance %= self.n
+            if distance and distance > len(self.ahead):
+                distance -= self.n
+        if distance == 0:
+            return self.process
+        side = self.ahead if distance > 0 else self._behind
+        return side[abs(distance) - 1] if abs(distance) <= len(side) else ZERO
+
+    def part(self, units: Sequence[int]) -> Plant:
+        """Return the plant between the inputs and outputs of `units`, at least one.
+
+        Raises
+        ------
+        InvalidInputError
+            More of them than a matrix plant has.
+
+        """
+        if list(units) == list(range(self.n)):
+            return self
+        return MatrixPlant([[self.element(row, column) for column in units] for row in units])
+
+    def mapped(self, change: Callable[[TransferFunction], TransferFunction]) -> NeighbourPlant:
+        """Return the plant with every element changed."""
+        behind = None if self.behind is None else tuple(map(change, self.behind))
+        return NeighbourPlant(
+            self.n, change(self.process), tuple(map(change, self.ahead)), behind, ring=self.ring
+        )
+
+
+def refuse_many(plant: Plant, what: str) -> None:
+    """Refuse rings and rows of more units than a matrix plant has, which would take hours.
+
+    Raises
+    ------
+    UnsupportedPlantError
+        So it is.
+
+    """
+    if isinstance(plant, NeighbourPlant) and plant.n > MAX_MATRIX_SIZE:
+        message = (
+            f"{what} is for up to {MAX_MATRIX_SIZE} units of a ring or a row: take a shorter one, "
+            "with the same neighbours"
+        )
+        raise UnsupportedPlantError(message, "/plant/n")
+
+
+@dataclass(frozen=True, eq=False)
+class Mode:
+    """One block of a ring: G = sum over sections m of weights[m] times the elements of section m.
+
+    Attributes
+    ----------
+    cosines, sines : (q,)
+        Real and imaginary parts of the weights; without an imaginary part the block is p x p,
+        else 2 p x 2 p.
+    multiplicity : int
+        How often the block occurs.
+
+    """
+
+    cosines: NDArray[np.float64]
+    sines: NDArray[np.float64] | None
+    multiplicity: int
+
+    def response(self, sections: NDArray[Any]) -> NDArray[np.complex128]:
+        """Return the block (k, m, m) from the responses of the sections (q, k, p, p)."""
+        real = np.tensordot(self.cosines, sections, axes=1)
+        if self.sines is None:
+            return np.asarray(real)
+        turned = np.tensordot(self.sines, sections, axes=1)
+        return np.asarray(np.block([[real, -turned], [turned, real]]))
+
+
+def modes(plant: NeighbourPlant, places: int) -> tuple[Mode, ...]:
+    """Return the blocks of a ring whose settings repeat every `places` units."""
+    count = plant.n // places
+    mirrored = places == 1 and plant.behind is None
+    found = []
+    for k in range(count // 2 + 1):
+        angle = 2 * math.pi * k * np.arange(count) / count
+        cosines, sines = np.cos(angle), np.sin(angle)
+        cosines[np.abs(cosines) < VANISHES] = 0.0
+        if k == 0 or 2 * k == count:
+            found.append(Mode(np.asarray(np.round(cosines), dtype=float), None, 1))
+        elif mirrored:
+            found.append(Mode(cosines, None, 2))
+        else:
+            found.append(Mode(cosines, sines, 1))
+    return tuple(found)
+
+
+def period(plant: Plant, marks: Sequence[Hashable]) -> int | None:
+    """Return after how many units a ring repeats itself, less than all; None: it does not.
+
+    Parameters
+    ----------
+    plant : Plant
+        Any; None for all but rings.
+    marks : sequence
+        What tells the loops and errors of a unit from those of others, (n,).
+
+    """
+    if not isinstance(plant, NeighbourPlant) or not plant.ring:
+        return None
+    n = plant.n
+    for places in range(1, n):
+        if n % places == 0 and all(marks[i] == marks[i % places] for i in range(n)):
+            return places
+    return None
+
+
+def sections(plant: NeighbourPlant, places: int) -> list[list[list[TransferFunction]]]:
+    """Return the elements (q, p, p) from the first section's outputs to every section's inputs."""
+    return [
+        [[plant.element(a, b + m * places) for b in range(places)] for a in range(places)]
+        for m in range(plant.n // places)
+    ]

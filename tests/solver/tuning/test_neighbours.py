@@ -1,0 +1,183 @@
+"""Units in a ring or a row: the modes of a ring are the matrix of all its units."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from service.cli.commands import app
+from service.schemas import parse_tuning_request
+from solver.model.blocks import group_loops
+from solver.model.controllers import Controller
+from solver.model.errors import InvalidInputError
+from solver.model.neighbours import NeighbourPlant
+from solver.model.plants import MatrixPlant
+from solver.model.transfer_function import TransferFunction
+from solver.model.weights import Performance, Uncertainty
+from solver.robustness.analysis import analyse
+from solver.robustness.curves import LoopAnalysis
+from solver.stability.closed_loop import closed_loop_poles
+from solver.stability.singular import lost_directions
+from solver.tuning.specification import Specification
+from solver.tuning.tuner import tune
+
+OMEGA = np.geomspace(1e-5, 1e3, 30)
+PROCESS = TransferFunction((1.0,), (50.0, 1.0), 1.0)
+NEAR = TransferFunction((0.3,), (50.0, 1.0), 1.0)
+FAR = TransferFunction((0.1,), (50.0, 1.0), 1.0)
+UNCERTAIN = Uncertainty.from_error(epsilon=0.2, theta=1.0)
+
+
+def drawn(seed: int) -> tuple[NeighbourPlant, list[Controller], Uncertainty, Performance]:
+    """Return a ring, loops and errors that repeat around it, all drawn."""
+    random = np.random.default_rng(seed)
+    places, count = int(random.integers(1, 4)), int(random.integers(2, 5))
+    n = places * count
+
+    def element(size: float) -> TransferFunction:
+        gain = size * random.uniform(0.3, 1) * random.choice([-1, 1])
+        return TransferFunction((gain,), (10 ** random.uniform(0, 2), 1.0), random.uniform(0, 3))
+
+    reach = int(random.integers(0, max((n - 1) // 2, 0) + 1))
+    ahead = tuple(element(0.4) for _ in range(reach))
+    behind = None if random.random() < 0.5 else ahead[: reach // 2]
+    process = TransferFunction((1.0,), (10 ** random.uniform(0.5, 2), 1.0), random.uniform(0, 2))
+    own = [Controller(10 ** random.uniform(-1, 1), 10 ** random.uniform(0.5, 2))
+           for _ in range(places)]  # fmt: skip
+    scales = tuple(random.uniform(0.5, 2, places).tolist()) * count
+    weights = [Uncertainty.from_error(epsilon=e, theta=1.0).weight
+               for e in random.uniform(0.1, 0.3, places)]  # fmt: skip
+    uncertainty = Uncertainty(tuple(weights) * count)  # type: ignore[arg-type]  # single ones
+    performance = Performance(tau_p=20.0, output_scale=scales)
+    return NeighbourPlant(n, process, ahead, behind), own * count, uncertainty, performance
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_modes_have_the_mu_of_the_matrix(seed: int) -> None:
+    """All three curves and the count of unstable poles, for drawn rings, groups and errors."""
+    ring, loops, uncertainty, performance = drawn(seed)
+    if ring.n > 10:
+        ring = NeighbourPlant(ring.n // 2 * 2 if ring.n // 2 * 2 <= 10 else 9, ring.process,
+                              ring.ahead[:1], None)  # fmt: skip
+        loops, uncertainty = [loops[0]] * ring.n, UNCERTAIN
+        performance = Performance(tau_p=20.0)
+    matrix = MatrixPlant(ring.rows)
+    found = []
+    for plant in (ring, matrix):
+        blocks, controllers = group_loops(plant, loops, uncertainty, performance.output_scale)
+        curves = LoopAnalysis(blocks, controllers, uncertainty, performance).curves(OMEGA)
+        found.append(curves)
+        assert (len(blocks.blocks) > 1) == (plant is ring)
+    for name in ("robust_performance", "robust_stability", "nominal_performance"):
+        mine, its = (getattr(each, name) for each in found)
+        assert mine == pytest.approx(its, rel=1e-6)  # the matrix has n scales to find
+    assert closed_loop_poles(ring, loops) == closed_loop_poles(matrix, loops)
+
+
+@pytest.mark.parametrize("n", [4, 5, 6])
+def test_tuning_by_modes_is_that_of_the_matrix(n: int) -> None:
+    """The same settings and time constant, to the digits of the descent."""
+    ring = NeighbourPlant(n, PROCESS, (NEAR,))
+    found = [
+        tune(Specification(plant, UNCERTAIN, Performance(), arrangement="identical"))  # type: ignore[arg-type]
+        for plant in (ring, MatrixPlant(ring.rows))
+    ]
+    assert found[0].tau_p == pytest.approx(found[1].tau_p, rel=1e-6)
+    assert found[0].loops[0].gain == pytest.approx(found[1].loops[0].gain, rel=1e-3)
+
+
+def test_a_hundred_units_are_tuned_and_said_to_be_unproven() -> None:
+    """The published numbers of the page, an open guarantee, and no certificate."""
+    ring = NeighbourPlant(100, PROCESS, (NEAR, FAR))
+    task = Specification(ring, UNCERTAIN, Performance(), arrangement="identical", certificate=True)  # type: ignore[arg-type]
+    found = tune(task)
+    assert found.tau_p == pytest.approx(6.50143, rel=1e-4)
+    assert found.guarantee is not None
+    assert found.guarantee.status == "open"
+    assert found.certificate is None
+    assert any("no certificate" in text for text in found.warnings)
+    judged = analyse(ring, UNCERTAIN, Performance(tau_p=found.tau_p), found.loops)
+    assert judged.peaks is not None
+    assert judged.peaks.robust_performance.value == pytest.approx(1, abs=1e-6)
+    assert judged.lower_bound is None
+
+
+def test_a_lost_mode_is_counted() -> None:
+    """Two neighbours of half the gain leave the alternating mode of an even ring nothing."""
+    half = TransferFunction((0.5,), (50.0, 1.0), 1.0)
+    ring = NeighbourPlant(12, PROCESS, (half,))
+    blocks, _ = group_loops(ring, [Controller(1.0, 50.0)] * 12)
+    assert lost_directions(blocks) == [0, 0, 0, 0, 0, 0, 1]
+    assert closed_loop_poles(ring, [Controller(1.0, 50.0)] * 12).at_origin == 1
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1e6])
+def test_units_change_nothing(unit: float) -> None:
+    """Time in another unit: the same gain, times in that unit."""
+    plain = NeighbourPlant(24, PROCESS, (NEAR,))
+    scaled = plain.mapped(
+        lambda e: TransferFunction(e.num, (e.den[0] * unit, e.den[1]), e.dead_time * unit)
+    )
+    weights = (UNCERTAIN, Uncertainty.from_error(epsilon=0.2, theta=unit))
+    found = [
+        tune(Specification(plant, weight, Performance(), arrangement="identical", starts=3))  # type: ignore[arg-type]
+        for plant, weight in zip((plain, scaled), weights, strict=True)
+    ]
+    assert found[1].tau_p == pytest.approx(unit * (found[0].tau_p or 0), rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("given", "field"),
+    [
+        ({"n": 1}, "/n"),
+        ({"n": 101}, "/n"),
+        ({"n": 21, "ring": False}, "/n"),
+        ({"n": 4, "ahead": (NEAR, FAR)}, "/ahead"),
+        ({"n": 3, "ahead": (NEAR,) * 3, "ring": False}, "/ahead"),
+        ({"process": TransferFunction((0.0,), (1.0,))}, "/process/num"),
+        ({"ahead": (NEAR, 3.0)}, "/ahead/1"),
+    ],
+)
+def test_rings_that_are_none_are_refused(given: dict[str, Any], field: str) -> None:
+    """Too few and too many units, neighbours that are one unit, no process."""
+    with pytest.raises(InvalidInputError) as caught:
+        NeighbourPlant(**{"n": 12, "process": PROCESS, "ahead": (NEAR,), **given})
+    assert caught.value.field == field
+
+
+def test_the_command_takes_rings_and_rows(tmp_path: Any) -> None:
+    """Many units with a report and step responses, few as a matrix with proof."""
+    lag = {"num": [1.0], "den": [50.0, 1.0], "dead_time": 1.0}
+    body: dict[str, Any] = {
+        "plant": {"kind": "circulant", "n": 24, "process": lag, "ahead": [{**lag, "num": [0.3]}]},
+        "uncertainty": {"epsilon": 0.2, "theta": 1.0},
+        "controller": {"arrangement": "identical"}, "search": {"starts": 3},
+    }  # fmt: skip
+    path, report = tmp_path / "ring.json", tmp_path / "ring.html"
+    path.write_text(json.dumps(body), "utf-8")
+    done = CliRunner().invoke(app, ["tune", str(path), "--json", "--report", str(report)])
+    assert done.exit_code == 0, done.output
+    result = json.loads(done.stdout)
+    assert len(result["loops"]) == 24
+    assert result["guarantee"]["status"] == "open"
+    assert "equal units in a ring" in report.read_text("utf-8")
+    steps = {"plant": body["plant"], "loops": result["loops"], "duration": 10.0,
+             "steps": [{"kind": "setpoint", "unit": 0}]}  # fmt: skip
+    path.write_text(json.dumps(steps), "utf-8")
+    moved = CliRunner().invoke(app, ["step-response", str(path), "--json"])
+    assert moved.exit_code == 0, moved.output
+    responses = json.loads(moved.stdout)["responses"]
+    assert responses[1]["output"] == pytest.approx(responses[23]["output"], abs=1e-8)  # mirrored
+    path.write_text(json.dumps({"plant": body["plant"]}), "utf-8")
+    refused = CliRunner().invoke(app, ["interaction", str(path)])
+    assert refused.exit_code == 2
+    assert "/plant/n" in refused.output
+    few = {**body, "plant": {**body["plant"], "kind": "banded", "n": 3}}
+    task = parse_tuning_request(json.dumps(few)).build()
+    assert isinstance(task.plant, MatrixPlant)
+    assert task.plant.element(0, 2).is_zero
+    assert tune(task).guarantee.status == "proven"  # type: ignore[union-attr]
