@@ -28,7 +28,7 @@ import numpy as np
 
 from solver.model.errors import InvalidInputError
 from solver.model.measured import MeasuredPlant
-from solver.model.neighbours import Mode, NeighbourPlant, modes, period, sections
+from solver.model.neighbours import MAX_LINE, Mode, NeighbourPlant, modes, period, sections
 from solver.model.plants import ParallelPlant, Plant
 from solver.model.weights import Structure
 
@@ -323,6 +323,12 @@ def reduce(
         places = period(plant, [(owner[unit], mark(unit)) for unit in range(plant.n)])
         if isinstance(plant, NeighbourPlant) and places is not None and not full:
             return _ring_blocks(plant, partition, channels, places, scales)
+        if isinstance(plant, NeighbourPlant) and plant.n > MAX_LINE and uncertainty is not None:
+            message = (
+                f"in a ring of more than {MAX_LINE} units settings, errors and uncertainty "
+                "must repeat around it, the uncertainty diagonal"
+            )
+            raise InvalidInputError(message, "/plant/n")
         own = (0,) * plant.n if full else tuple(range(plant.n))
         block = Block(channels, own, 1)
         return LoopBlocks(plant, partition, (block,), 1 if full else plant.n, plant.kinds, scales)

@@ -106,6 +106,19 @@ def test_a_hundred_units_are_tuned_and_said_to_be_unproven() -> None:
     assert judged.lower_bound is None
 
 
+def test_settings_that_do_not_repeat_are_for_short_rings() -> None:
+    """Two halves of a hundred units, and errors in concert, would be a hundred D-scales at once."""
+    ring = NeighbourPlant(100, PROCESS, (NEAR,))
+    halves = (tuple(range(50)), tuple(range(50, 100)))
+    task = Specification(ring, UNCERTAIN, Performance(), arrangement="grouped", groups=halves)  # type: ignore[arg-type]
+    with pytest.raises(InvalidInputError, match="repeat") as caught:
+        tune(task)
+    assert caught.value.field == "/plant/n"
+    unlike = [Controller(1.0, 50.0)] * 99 + [Controller(2.0, 50.0)]
+    with pytest.raises(InvalidInputError, match="repeat"):
+        analyse(ring, UNCERTAIN, Performance(tau_p=20.0), unlike)
+
+
 def test_a_lost_mode_is_counted() -> None:
     """Two neighbours of half the gain leave the alternating mode of an even ring nothing."""
     half = TransferFunction((0.5,), (50.0, 1.0), 1.0)
