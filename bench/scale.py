@@ -46,9 +46,10 @@ class StubEngine:
         request: str,
         time_limit: float,
         on_progress: Callable[[float, float | None], None],
+        enough: asyncio.Event,
     ) -> Outcome:
         """Return a result."""
-        del resource, request, time_limit, on_progress
+        del resource, request, time_limit, on_progress, enough
         await asyncio.sleep(0)
         return Outcome(JobStatus.SUCCEEDED, RESULT, best=1.0)
 

@@ -139,7 +139,7 @@ class Bench:
         analyses = await _latencies(
             lambda: self._client.post("/v1/robustness", json=ROBUSTNESS), 100
         )
-        waited = [_waited(await self._tune(tuning(seed))) for seed in range(5, 10)]
+        waited = [_waited(await self._tune(tuning(seed))) for seed in range(5000, 5005)]
         await self._client.delete(links["self"])
         await self._client.get(links["results"])
         return [

@@ -21,6 +21,17 @@ def _program(name: str) -> str | None:
     return found[-1] if found else shutil.which(name)
 
 
+def copy(source: str, target: str) -> None:
+    """Copy a database to an empty one, as an administrator would: by a dump."""
+    dump, load = _program("pg_dump"), _program("psql")
+    assert dump is not None
+    assert load is not None
+    urls = [url.replace("+psycopg", "") for url in (source, target)]
+    made = subprocess.run([dump, urls[0]], check=True, stdout=subprocess.PIPE)  # noqa: S603 - ours
+    quiet = [load, "--quiet", "--set", "ON_ERROR_STOP=1", urls[1]]
+    subprocess.run(quiet, check=True, input=made.stdout, stdout=subprocess.DEVNULL)  # noqa: S603 - ours
+
+
 def _run(*command: str) -> None:
     """Run as the user postgres where the tests run as root, which PostgreSQL refuses."""
     prefix = ["runuser", "-u", "postgres", "--"] if os.geteuid() == 0 else []

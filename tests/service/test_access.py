@@ -5,6 +5,8 @@ from pathlib import Path
 
 import httpx
 import pytest
+from fake_tune import SLOW
+from real import until
 from samples import ROBUSTNESS, tuning
 from serving import served
 
@@ -151,3 +153,40 @@ def test_bucket_refills_at_its_rate(monkeypatch: pytest.MonkeyPatch) -> None:
     assert limiter.spend("ann") == 0
     assert limiter.spend("ann") == pytest.approx(0.5)
     assert limiter.spend("bob") == 0
+
+
+@pytest.mark.usefixtures("_fake_tuner")
+@pytest.mark.parametrize("as_batch", [False, True])
+def test_caller_with_little_work_does_not_wait_for_one_with_much(
+    as_batch: bool, tmp_path: Path
+) -> None:
+    """Two workers, four tunings of ten seconds of one key: that of another begins at once."""
+    keys = KeyFile(tmp_path / "keys.jsonl")
+    configuration = Configuration(
+        data_dir=tmp_path,
+        workers=2,
+        api_keys_file=tmp_path / "keys.jsonl",
+    )
+    busy, other = bearer(keys), bearer(keys)
+    long = [tuning(SLOW, starts=990 + number) for number in range(4)]
+    with served(create_app(configuration)) as client:
+
+        def states(headers: dict[str, str]) -> list[str]:
+            found = client.get("/v1/tunings", headers=headers).json()["items"]
+            return sorted(each["status"] for each in found)
+
+        if as_batch:
+            links = client.post("/v1/batches", json={"tunings": long}, headers=busy).json()["links"]
+            begun = [links["self"]]
+        else:
+            begun = [
+                client.post("/v1/tunings", json=each, headers=busy).json()["links"]["self"]
+                for each in long
+            ]
+        until(lambda: states(busy) == ["queued"] * 2 + ["running"] * 2, "two jobs that run")
+        answer = client.post("/v1/tunings", json=tuning(77), headers={**other, "Prefer": "wait=15"})
+        assert answer.json()["status"] == "succeeded"
+        assert "queued" in states(busy)
+        for path in begun:
+            client.delete(path, headers=busy)
+        until(lambda: set(states(busy)) == {"cancelled"}, "the end of all")
