@@ -43,7 +43,8 @@ if TYPE_CHECKING:
         DriveSimulation,
         simulate_drives,
     )
-    from solver.interaction.loop_effect import LoopEffect, LoopEffectQuery, loop_effect
+    from solver.interaction.loop_effect import LoopEffect, loop_effect
+    from solver.interaction.loop_effect_query import LoopEffectQuery
     from solver.interaction.loop_shape import RobustnessLimits
     from solver.interaction.pairing import (
         Pairing,
@@ -329,7 +330,8 @@ _HOMES = {
     "solver.interaction.drive_simulation": (
         "DriveExperiment DriveScenario DriveSimulation simulate_drives"
     ),
-    "solver.interaction.loop_effect": "LoopEffect LoopEffectQuery loop_effect",
+    "solver.interaction.loop_effect": "LoopEffect loop_effect",
+    "solver.interaction.loop_effect_query": "LoopEffectQuery",
     "solver.interaction.loop_shape": "RobustnessLimits",
     "solver.interaction.pairing": "Pairing PairingRanking niederlinski_index rank_pairings",
     "solver.interaction.parallel_drives": "Drive DriveAnalysis ParallelDrives analyse_drives",

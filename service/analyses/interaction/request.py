@@ -20,7 +20,7 @@ from service.schemas.fields import (
 from service.schemas.frequencies import Frequencies, ascending
 from service.schemas.loop_forms import GivenLoop
 from service.schemas.plants import Plant
-from solver.interaction.loop_effect import MAX_GAINS, LoopEffectQuery
+from solver.interaction.loop_effect_query import MAX_GAINS, LoopEffectQuery
 from solver.model.plants import MAX_UNITS
 
 __all__ = ["EXAMPLE", "InteractionRequest", "InteractionTask"]
