@@ -5,13 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from solver.interaction.loop_effect import (
-    MAX_GAINS,
-    LoopEffect,
-    LoopEffectQuery,
-    loop_effect,
-    static_effects,
-)
+from solver.interaction.loop_effect import LoopEffect, loop_effect, static_effects
+from solver.interaction.loop_effect_query import MAX_GAINS, LoopEffectQuery
 from solver.interaction.relative_gain import relative_gain_array
 from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError, UnsupportedPlantError
