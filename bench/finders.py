@@ -14,6 +14,7 @@ from scipy.optimize import differential_evolution
 from bench.zoo import least_of, settings_of
 from service.schemas.tunings import TuningRequest
 from solver.model.controllers import Controller
+from solver.model.frequencies import resonances
 from solver.stability.closed_loop import unstable_poles
 
 SPAN = 1e4
@@ -41,7 +42,8 @@ class Search:
         times += [f.dead_time for f in elements if f.dead_time > 0]
         times.append(request["uncertainty"]["theta"])
         self.middle = math.exp(np.mean(np.log(times)))
-        self.omega = np.geomspace(1e-4 / self.middle, 1e5 / self.middle, FREQUENCIES)
+        usual = np.geomspace(1e-4 / self.middle, 1e5 / self.middle, FREQUENCIES)
+        self.omega = np.union1d(usual, resonances(plant))
         self.gains = []
         for unit in range(1 if self.identical else plant.n):
             own = plant.element(unit, unit)

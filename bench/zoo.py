@@ -30,7 +30,8 @@ from solver.tuning.tuner import tune
 
 BEST = Path(__file__).parent / "zoo" / "best.json"
 MISSED = 1.001
-FINE = 2000  # frequencies at which AB13MD agrees
+FINE = 2000  # frequencies at which AB13MD agrees, fewer the more loops there are
+LOOPS = 3  # above so many, since its time grows as their fourth power
 AGREEMENT = 1e-6
 
 
@@ -77,7 +78,8 @@ def least(task, loops, omega):
 def least_of(task, loops, omega):
     """Return log of the tau_P that each frequency demands, (k,)."""
     goal = TauGoal(task.performance)
-    blocks, controllers = group_loops(task.plant, loops, task.uncertainty)
+    outputs = task.performance.output_scale
+    blocks, controllers = group_loops(task.plant, loops, task.uncertainty, outputs)
     c = np.stack([each.response(omega) for each in controllers], axis=-1)
     level = levels(blocks, c, task.uncertainty.squared(omega, blocks.units), omega)
     return goal.attained(level, omega)
@@ -98,7 +100,9 @@ def agrees(task, settings, tau_p):
     loops = [Controller(**each) for each in settings]
     n = task.plant.n
     times = [each.integral_time for each in loops] + [tau_p]
-    omega = np.geomspace(1e-3 / max(times), 1e3 / min(times), FINE)
+    omega = np.geomspace(
+        1e-3 / max(times), 1e3 / min(times), round(FINE * min((LOOPS / n) ** 3, 1))
+    )
     G = task.plant.response(omega)
     c = np.stack([each.response(omega) for each in loops], axis=1)
     S = np.linalg.inv(np.eye(n) + G * c[:, None, :])
@@ -106,9 +110,12 @@ def agrees(task, settings, tau_p):
     # The inputs in units in which the plant's columns are alike: mu is the same, and AB13MD, which
     # fails on numbers far apart, finds it.
     unit = np.linalg.norm(G, axis=1)
+    e = np.array(task.performance.output_scale or (1.0,) * n)
     w_I = task.uncertainty.magnitude(omega)[:, None, None]
     w_P = task.performance.with_tau_p(tau_p).magnitude(omega)[:, None, None]
     CS, G = unit[:, :, None] * CS, G / unit[:, None, :]
+    # Outputs in units of the errors permitted.
+    S, CS, G = S * e / e[:, None], CS * e, G / e[:, None]
     N = np.block([[w_I * CS @ G, w_I * CS], [w_P * S @ G, w_P * S]])
     sizes, kinds = np.array([1] * n + [n], np.int32), np.full(n + 1, 2, np.int32)
     return max(ab13md(each, sizes, kinds)[0] for each in N) <= 1 + AGREEMENT

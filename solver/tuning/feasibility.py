@@ -3,7 +3,9 @@
 Integral action makes T(0) = I, so robust stability needs |w_I(0)| < 1, and it needs a steady-state
 gain that is regular. For a closed loop that is stable with all loops in service det (G(0) K) must
 be positive: with gains of the signs of the loops' own processes, det G(0) of the sign of the
-product of its diagonal (Niederlinski 1971). A parallel plant must then satisfy the stricter
+product of its diagonal (Niederlinski 1971). Where elements integrate, G is taken at a small real
+s > 0: det (I + G C) is positive at s -> infinity and must not change its sign on the way to 0. A
+parallel plant must then satisfy the stricter
 -1/(n-1) < a(0) < 1 (Skogestad, Lundstrom and Hovd 1989, eq. 24), outside of which taking loops out
 of service destabilises it.
 """
@@ -26,6 +28,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from solver.model.plants import Plant
+    from solver.model.transfer_function import TransferFunction
     from solver.tuning.groupings import Groups
     from solver.tuning.specification import Specification
 
@@ -59,7 +62,7 @@ def impossibility(specification: Specification) -> Impossibility | None:
         )  # fmt: skip
     if isinstance(plant, ParallelPlant):
         return _parallel(plant)
-    return _matrix(plant.response(SLOW * _slowest_root(plant))[0])
+    return _matrix(_gains(plant))
 
 
 def other_signs(specification: Specification, groups: Groups) -> Iterator[tuple[float, ...]]:
@@ -83,27 +86,44 @@ def other_signs(specification: Specification, groups: Groups) -> Iterator[tuple[
 
 def _niederlinski_index(plant: Plant) -> float:
     """Return det G(0) over the product of its diagonal, or its sign; 0 where there is none."""
-    omega = SLOW * _slowest_root(plant)
+    s = SLOW * _slowest_root(plant)
     if isinstance(plant, ParallelPlant):
-        g = plant.process.response(omega)[0]
-        i = plant.interaction.response(omega)[0] if plant.n > 1 else 0.0
+        g, i = _at(plant.process, s), _at(plant.interaction, s) if plant.n > 1 else 0.0
         if g == 0:
             return 0.0
-        a = float((i / g).real)
+        a = i / g
         return float(np.sign(1 - a) ** (plant.n - 1) * np.sign(1 + (plant.n - 1) * a))
-    G = plant.response(omega)[0]
+    G = _gains(plant)
     own = np.diag(G)
-    return float(np.linalg.det(G / own).real) if (own != 0).all() else 0.0
+    return float(np.linalg.det(G / own)) if (own != 0).all() else 0.0
+
+
+def _at(element: TransferFunction, s: float) -> float:
+    """Return the value at a real s > 0."""
+    return complex(element(s)).real
+
+
+def _gains(plant: Plant) -> NDArray[np.float64]:
+    """Return G(s), (n, n), at a real s > 0 far below all that the plant has."""
+    s = SLOW * _slowest_root(plant)
+    return np.array([[_at(element, s) for element in row] for row in plant.rows])
 
 
 def _parallel(plant: ParallelPlant) -> Impossibility | None:
     if plant.n == 1:
         return _without_gain(plant)
-    omega = SLOW * _slowest_root(plant)
-    g, i = (f.response(omega)[0] for f in (plant.process, plant.interaction))
+    s = SLOW * _slowest_root(plant)
+    g, i = (_at(f, s) for f in (plant.process, plant.interaction))
     if g == 0 or abs(i) * 1e-3 > abs(g) * SINGULAR_CONDITION:
         return _without_gain(plant)
-    a, low = float((i / g).real), -1 / (plant.n - 1)
+    a, low = i / g, -1 / (plant.n - 1)
+    if plant.interaction.integrators > plant.process.integrators:
+        reason = (
+            "the interaction integrates where the process does not: at steady state it is the "
+            "stronger without limit, and the plant is not decentralised integral controllable"
+            f"{ELSE}"
+        )
+        return Impossibility(reason, 0.0, whatever_signs=False)
     # The gains of the difference and of the sum against what they are made of.
     lost_difference = abs(1 - a) * SINGULAR_CONDITION <= 1 + abs(a)
     lost_sum = abs(1 + (plant.n - 1) * a) * SINGULAR_CONDITION <= 1 + (plant.n - 1) * abs(a)
@@ -131,7 +151,7 @@ def _without_gain(plant: ParallelPlant) -> Impossibility | None:
     return None
 
 
-def _matrix(G: NDArray[np.complex128]) -> Impossibility | None:
+def _matrix(G: NDArray[np.float64]) -> Impossibility | None:
     if is_singular(G):
         reason = "the steady-state gain matrix is singular"
         return Impossibility(reason, 0.0, whatever_signs=True)
@@ -140,7 +160,7 @@ def _matrix(G: NDArray[np.complex128]) -> Impossibility | None:
         loop = int(own.argmin())
         reason = f"loop {loop} has no steady-state gain of its own: pair it anew"
         return Impossibility(reason, 0.0, whatever_signs=False)
-    if float(np.linalg.det(G / np.diag(G)).real) < 0:
+    if np.linalg.det(G / np.diag(G)) < 0:
         reason = (
             "the Niederlinski index is negative: with this pairing, and gains of the signs of the "
             f"loops' own processes, integral action in all loops is unstable{ELSE}"

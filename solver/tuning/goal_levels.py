@@ -10,6 +10,9 @@ from solver.mu.workspace import compiled, inner
 __all__ = ["Terms", "all_attained", "all_demands", "judged"]
 
 MOST = 500.0  # log p*, beyond which its square would be no number
+# Far above the bandwidth a descent ends right on its limit. What the level lacks there by rounding,
+# half as much in mu, is none; nor does less room than this stand for a tau_P.
+LACKING, LEAST_ROOM = 1e-8, 1e-9
 
 
 class Terms(NamedTuple):
@@ -62,8 +65,9 @@ def _attained(level, omega, terms):
     p = math.exp(min(level + terms.margin, MOST))
     # tau_P^2 = (1 - p A^2)/(p M^2 - 1)/omega^2, theory of the skewed form.
     room = p * terms.max_peak**2 - 1.0
-    if not room > 0.0:
+    if not room > -LACKING:
         return np.inf
+    room = max(room, LEAST_ROOM)
     rest = 1.0 - p * terms.offset**2
     return 0.5 * math.log(rest / room) - math.log(omega) if rest > 0.0 else -np.inf
 

@@ -161,11 +161,8 @@ class LoopObjective:
 
     @cached_property
     def _restless(self) -> bool:
-        """Whether the loop gain need not settle at infinity: dead time and direct feedthrough."""
-        elements = self.blocks.plant.elements
-        return any(e.dead_time > 0 for e in elements) and any(
-            e.relative_degree == 0 for e in elements
-        )
+        """Whether the loop gain need not settle before infinity: something is fed through."""
+        return any(element.relative_degree == 0 for element in self.blocks.plant.elements)
 
     @cached_property
     def _grid(self) -> _Samples:

@@ -583,12 +583,16 @@ def _first_active(cases: Sequence[Case]) -> list[int]:
 
 
 def _far(plant: Plant, end: float) -> NDArray[np.float64]:
-    """Frequencies that stand for infinity, where what dead time feeds through has any phase.
+    """Frequencies that stand for infinity, where what is fed through directly does not die away.
 
-    They spread over one turn of the shortest dead time that feeds through.
+    With dead time it has any phase there: then they spread over one turn of the shortest dead time
+    that feeds through.
     """
-    dead_times = [e.dead_time for e in plant.elements if e.dead_time > 0 and e.relative_degree == 0]
-    if not dead_times:
+    through = [element for element in plant.elements if element.relative_degree == 0]
+    if not through:
         return np.empty(0)
+    dead_times = [element.dead_time for element in through if element.dead_time > 0]
+    if not dead_times:
+        return np.array([FAR * end])
     start = FAR * max(end, 1 / min(dead_times))
     return np.asarray(start + 2 * math.pi * np.arange(PHASES) / PHASES / min(dead_times))

@@ -370,6 +370,12 @@ class _Run:
             reason = "none were found that stabilise the loops within the parameter bounds"
             return infeasible(self.specification, groups, self.clock, reason, None)
         slow = search.slowest_demand(search.closest)
+        if slow.value <= 1:
+            reason = (
+                "none were found that are stable and meet every demand: settings that keep mu <= 1 "
+                "where the search looks fail elsewhere"
+            )
+            return infeasible(self.specification, groups, self.clock, reason, None)
         reason = (
             f"none were found that meet mu <= 1 at any tau_P: for the nearest ones even an "
             f"infinitely slow demand peaks at mu = {slow.value:.6g} near omega = {slow.omega:.4g}"

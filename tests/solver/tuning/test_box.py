@@ -12,6 +12,7 @@ from solver.model.errors import InvalidInputError
 from solver.model.plants import MatrixPlant, ParallelPlant, first_order
 from solver.model.transfer_function import TransferFunction
 from solver.model.weights import Performance, Uncertainty
+from solver.robustness.record import GuaranteeStatus
 from solver.stability.closed_loop import is_stable
 from solver.tuning.record import Status
 from solver.tuning.specification import (
@@ -122,6 +123,22 @@ def test_feasible_up_to_the_edge(M):
     assert result.demand_met
     if M == 1.015:
         assert result.tau_p == pytest.approx(389.106, abs=0.05)
+
+
+def test_what_is_fed_through_is_held_at_infinity_without_dead_time_too():
+    """Two static units: 1.62497 with PID, whose limit lies at infinity, 1.63914 with PI."""
+    plant = ParallelPlant(2, TransferFunction((2,), (1,)), TransferFunction((1,), (1,)))
+    found = [run(plant, kind=kind) for kind in (ControllerKind.PI, ControllerKind.PID)]
+    assert [each.tau_p for each in found] == pytest.approx([1.639137, 1.624967], abs=1e-5)
+    assert all(each.guarantee.status is GuaranteeStatus.PROVEN for each in found)
+
+
+def test_an_interaction_that_alone_integrates_is_refused_by_what_forbids_it():
+    """det (I + G C) changes its sign on the positive real axis whatever the settings."""
+    plant = ParallelPlant(2, TransferFunction((1,), (10, 1)), TransferFunction((0.05,), (1, 0)))
+    result = run(plant)
+    assert result.status is Status.INFEASIBLE
+    assert "the interaction integrates where the process does not" in result.reason
 
 
 @pytest.mark.parametrize(("n", "lag", "tau_p"), [(1, 30.0, 45.448), (2, 5.0, 13.8887)])
