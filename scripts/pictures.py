@@ -1,6 +1,6 @@
 """Photograph the page and a figure of the worked example for the README, from a live run.
 
-Called by ``scripts/pictures``; writes WebP files to ``docs/images``.
+Called by ``scripts/pictures``; writes WebP files to ``docs/images``, and what the notebook shows.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 
+from notebook_outputs import keep_outputs
 from playwright.sync_api import Browser, Page, sync_playwright
 from tour import EXAMPLE, HOST, ROOT, console, free_port, serving
 
@@ -40,6 +41,7 @@ def main() -> int:
         browser = playwright.chromium.launch(executable_path=chromium)
         photograph_page(browser, f"{url}/#/tunings/{job.id}?unit=min")
         photograph_figure(browser, f"{url}/v1/tunings/{job.id}/report?unit=min")
+        keep_outputs(browser)
         browser.close()
     sizes = {path.name: path.stat().st_size for path in sorted(IMAGES.glob("*.webp"))}
     for name, size in sizes.items():

@@ -62,6 +62,10 @@ class TuningView:
         replace_text(target, report_html(self.tuned, datetime.now(UTC)))
         return target
 
+    def __repr__(self) -> str:
+        """Return what was found, in one sentence."""
+        return headline(self.tuned.result, self.tuned.unit)
+
     def _repr_html_(self) -> str:
         """Return the table that Jupyter shows."""
         tuned = self.tuned

@@ -32,11 +32,18 @@ def shown(document: nbformat.NotebookNode, source: str) -> dict[str, object]:
     return cell.outputs[-1].data
 
 
-def test_no_outputs_are_committed() -> None:
-    """The file in the repository holds neither outputs nor execution counts."""
-    cells = [c for c in nbformat.read(NOTEBOOK, as_version=4).cells if c.cell_type == "code"]
-    assert cells
-    assert all(not cell.outputs and cell.execution_count is None for cell in cells)
+def test_outputs_are_kept_and_are_those_of_a_run(
+    executed: tuple[nbformat.NotebookNode, Path],
+) -> None:
+    """Who only reads it sees tables and small pictures, which `scripts/pictures` makes anew."""
+    kept = nbformat.read(NOTEBOOK, as_version=4)
+    assert NOTEBOOK.stat().st_size < 350_000
+    assert shown(kept, "\ntuning")["text/html"] == shown(executed[0], "\ntuning")["text/html"]
+    for now, then in zip(executed[0].cells, kept.cells, strict=True):
+        assert "execution" not in then.metadata
+        for output, stored in zip(now.get("outputs", []), then.get("outputs", []), strict=True):
+            drawn = "application/vnd.plotly.v1+json" in output.data
+            assert ("image/png" in stored.data) is drawn
 
 
 def test_tuning_shows_as_table(executed: tuple[nbformat.NotebookNode, Path]) -> None:
