@@ -73,8 +73,8 @@ function headline({ result, status, request: asked }) {
 /** What was tuned, and for what. @param {any} asked */
 function plate({ plant, uncertainty: { epsilon, theta }, performance: { max_peak: peak } }) {
   const several = (/** @type {any} */ value) => [value].flat().map((one) => number(one)).join(", ");
-  const errors = epsilon == null ? "" : `Errors of the inputs: ε = ${several(epsilon)} at rest, all of it from times `
-    + `below about θ = ${several(theta)} ${timeUnit()}. `;
+  const errors = epsilon == null ? "" : `Errors of the inputs: ε = ${several(epsilon)} at rest, growing to 1 near the `
+    + `frequency 1/θ, θ = ${several(theta)} ${timeUnit()}. `;
   return h("div", { class: "asked-for" }, picture(plant), plantFormula(plant),
     help(`${errors}Permitted peak of the sensitivity: M = ${number(peak)}.`));
 }
