@@ -3,14 +3,21 @@
 import { label } from "./format.js";
 import { analyses, faults, fitting, resolve } from "./schema.js";
 
+const DIGITS = 9; // of what is handed on: far more than anybody types, and it can be read
+
+/** @param {any} value @returns {any} */
+const readable = (value) => (typeof value === "number" ? Number(value.toPrecision(DIGITS))
+  : value === null || typeof value !== "object" ? value
+    : Object.fromEntries(Object.entries(value).map(([key, one]) => [key, readable(one)])));
+
 /**
  * What a tuning hands on to an analysis. The controller of a tuning is the kind of its loops, that of an
  * analysis a whole controller.
  * @param {any} job
  */
 export function handedOn({ request: body, result }) {
-  return { ...body, controller: null, loops: result.loops, pairing: result.pairing,
-    scan_time: body.controller.scan_time, performance: { ...body.performance, tau_p: result.tau_p } };
+  return { ...body, controller: null, loops: result.loops.map(readable), pairing: result.pairing,
+    scan_time: body.controller.scan_time, performance: { ...body.performance, tau_p: readable(result.tau_p) } };
 }
 
 /**

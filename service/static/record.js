@@ -99,7 +99,8 @@ function fitted(name, columns, signal, go) {
     send.disabled = true;
     put(outcome, h("p", { class: "busy" }, "Fitting …"));
     try {
-      const started = await request("POST", "/v1/identifications", { body, signal, headers: { ...once(), Prefer: "wait=30" } });
+      const headers = { ...once(), Prefer: "wait=30" };
+      const started = await request("POST", "/v1/identifications", { body, signal, headers });
       const job = await follow("identifications", started.id, () => {}, signal);
       if (!job.result) throw new Problem(422, job.error ?? { title: "The identification was cancelled" });
       const found = job.result;

@@ -50,14 +50,16 @@ export async function requestView({ main, signal, go }, path, from) {
   const saved = sessionStorage.getItem(draft);
   const start = from ? fitting(op.input, await fromTuning(from, isJob)) : saved ? JSON.parse(saved) : initial(op.input);
   const offers = await offersFor(op);
-  setTimeUnit(start.time_unit || (from && unitOf(from)) || unitOf("last") || timeUnit());
+  // What a tuning hands on has that tuning's unit, or none.
+  setTimeUnit(start.time_unit || (from ? unitOf(from) ?? "" : unitOf("last") || timeUnit()));
 
   const place = h("div", { class: "form" });
   const formulas = h("div", {});
   const problem = h("p", { class: "error", role: "alert" });
   const outcome = h("div", { class: "outcome", "aria-live": "polite" });
   const send = h("button", { type: "submit", class: "main", form: "request" }, isJob ? "Start tuning" : "Analyse");
-  const unit = h("input", { id: "unit", list: "units", maxlength: 20, value: timeUnit(), autocomplete: "off" });
+  const unit = h("input", { id: "unit", list: "units", maxlength: 20, autocomplete: "off", placeholder: "s, min, h",
+    value: timeUnit().replace("time units", "") });
   /** @type {Form} */
   let form;
   /** @type {Form} */
