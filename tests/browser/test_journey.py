@@ -305,6 +305,16 @@ def test_a_request_file_is_dropped_into_the_form(watched: Watched, tmp_path: Pat
     page.get_by_label("Open a file").set_input_files(saved)
     expect(field(page, "/plant/n")).to_have_value("6")
     expect(field(page, "/title")).to_have_value("From a file")
+    dropped = page.evaluate_handle(
+        """text => {
+            const carried = new DataTransfer();
+            carried.items.add(new File([text], "request.json"));
+            return carried;
+        }""",
+        saved.read_text().replace("From a file", "Dropped"),
+    )
+    page.dispatch_event("main", "drop", {"dataTransfer": dropped})
+    expect(field(page, "/title")).to_have_value("Dropped")
     saved.write_text("not JSON")
     page.get_by_label("Open a file").set_input_files(saved)
     expect(page.get_by_role("alert")).to_contain_text("holds no JSON")
