@@ -196,7 +196,10 @@ def _objective(result: TuningResult) -> str:
 
 def _search(search: SearchSummary) -> str:
     optima = search.local_optima
-    listed = ", ".join(f"{number(each.value)} ({each.count}x)" for each in optima[:_OPTIMA])
+    listed = ", ".join(
+        f"{number(each.value)} ({f'{each.count}x' if each.count else 'from another'})"
+        for each in optima[:_OPTIMA]
+    )
     more = f" and {len(optima) - _OPTIMA} more" if len(optima) > _OPTIMA else ""
     return (
         f"{search.starts} starts in {search.elapsed_seconds:.2f} s, seed {search.seed}; "

@@ -29,7 +29,7 @@ def times_remark(specification: Specification) -> str | None:
         if NEAR <= slowest / theta <= FAR:
             continue
         return (
-            f"the slowest time of the plant is {slowest:.3g}, the time scale of its inputs' errors "
-            f"{theta:.3g}: are both in the same unit?"
+            f"the slowest time of the plant is {slowest:.4g}, the time scale of its inputs' errors "
+            f"{theta:.4g}: are both in the same unit?"
         )
     return None
