@@ -83,13 +83,13 @@ def test_a_tuning_is_renamed_and_deleted(watched: Watched, service: Service) -> 
     page = watched.page
     watched.go("#/tunings")
     page.get_by_role("button", name="Rename To be renamed").click()
-    page.get_by_label("New name of To be renamed").fill("Train B")
+    page.get_by_label("New name of To be renamed").fill("Zebra")
     page.keyboard.press("Enter")
-    page.get_by_label("Find").fill("train b")
+    page.get_by_label("Find").fill("zebra")
     expect(page.locator("tbody tr")).to_have_count(1)
-    page.get_by_role("button", name="Delete Train B").click()
+    page.get_by_role("button", name="Delete Zebra").click()
     watched.inspect("history-delete")
-    page.get_by_role("button", name="Delete for ever Train B").click()
+    page.get_by_role("button", name="Delete for ever Zebra").click()
     expect(page.get_by_text("None of these has such words.")).to_be_visible()
     assert httpx.get(f"{service.url}/v1/tunings/{job['id']}").status_code == 404
 
