@@ -46,6 +46,7 @@ export function handOver({ request: asked, result }) {
         return void show();
       }
       sheet = rowsOf(found, result);
+      for (const each of buttons) each.disabled = false;
       put(place, table("Values to type", sheet[0], sheet.slice(1)),
         h("p", { class: "formula" }, h("code", {}, found.equation)),
         help(`From the deviation to the output, both in per cent of span; s in 1/${found.time_unit}.`),
@@ -73,10 +74,12 @@ export function handOver({ request: asked, result }) {
     await copy(sheet.map((row) => row.join("\t")).join("\n"));
     said.textContent = "Copied, as shown.";
   };
+  const buttons = [button("Copy values", copyValues),
+    button("Save values", () => download("values.csv", csv(sheet), "text/csv"))];
+  for (const each of buttons) each.disabled = true; // until there are values
   return card("What do I type in?",
     h("div", { class: "field" }, h("label", { for: id }, "Control system"), select), place,
-    h("div", { class: "buttons" }, button("Copy values", copyValues),
-      button("Save values", () => download("values.csv", csv(sheet), "text/csv")), said));
+    h("div", { class: "buttons" }, buttons, said));
 }
 
 /** A row a loop with its tag, or a row a group where none has one. @param {any} found @param {any} result */
