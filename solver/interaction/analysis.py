@@ -41,6 +41,7 @@ from solver.interaction.relative_gain import (
     relative_gain_array,
     relative_gain_at,
 )
+from solver.interaction.signals import Action, controller_actions, one_way, signals
 from solver.interaction.zeros import TransmissionZeros, ZeroMethod, transmission_zeros
 from solver.model.equality import ByValue
 from solver.model.frequencies import corners_of
@@ -115,6 +116,11 @@ class Interaction(ByValue):
         For identical units, n > 1, with a finite gain.
     nearest_parallel : NearestParallel or None
         For a matrix plant, n > 1, with a finite gain in every loop.
+    actions : tuple of Action or None
+        How the controller of each loop, as numbered, must act; one entry for all of many units.
+    signals : tuple of str
+        What happens in two loops when one set point moves, signal by signal; or why nothing goes
+        round.
     warnings : tuple of str
         What to look at twice.
 
@@ -140,6 +146,8 @@ class Interaction(ByValue):
     parallel: ParallelForms | None
     nearest_parallel: NearestParallel | None
     warnings: tuple[str, ...] = field(default=())
+    actions: tuple[Action | None, ...] = field(default=())
+    signals: tuple[str, ...] = field(default=())
 
 
 def analyse_interaction(plant: Plant, omega: ArrayLike | None = None) -> Interaction:
@@ -224,6 +232,10 @@ def analyse_interaction(plant: Plant, omega: ArrayLike | None = None) -> Interac
             *parallel_warnings(nearest),
             *_zero_warnings(zeros, limits),
         ),
+        actions=controller_actions(
+            np.array([plant.element(k, k).static_gain for k in range(plant.n)])
+        ),
+        signals=_signals(plant, low.gain, relative_gains),
     )
 
 
@@ -274,7 +286,19 @@ def _analyse_many_units(plant: ParallelPlant, omega: NDArray[np.float64]) -> Int
             *pairing_warnings(ranking, controllability),
             *_zero_warnings(zeros, limits),
         ),
+        actions=controller_actions(np.array([plant.process.static_gain])),
     )
+
+
+def _signals(
+    plant: Plant, gain: NDArray[np.float64], relative_gains: NDArray[np.float64] | None
+) -> tuple[str, ...]:
+    remark = one_way(plant)
+    if remark is not None:
+        return (remark,)
+    if plant.n != 2 or relative_gains is None or not np.isfinite(gain).all():
+        return ()
+    return signals(gain, float(relative_gains[0, 0]))
 
 
 def _singular_values(gain: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -19,7 +19,7 @@ import numpy as np
 from flint import fmpq_poly
 
 from solver.interaction.loop_effect import rational_controller
-from solver.interaction.rational_matrix import Rational, determinant_of, to_float
+from solver.interaction.rational_matrix import Rational, determinant_of, roots_of, to_float
 from solver.model.controllers import Controller
 from solver.model.equality import ByValue
 from solver.model.errors import InvalidInputError
@@ -75,6 +75,10 @@ class SeenLoop(ByValue):
         The loop's own controller; None: open.
     sensitivity : (k,) float or None
         |1/(1 + p_ii c)|, the loop alone; None where it is open, or unstable alone.
+    poles : (p,) complex or None
+        Closed-loop poles of the loop alone; None where it is open, or has dead time.
+    damping : float or None
+        The least damping -Re s/|s| of these poles.
 
     """
 
@@ -88,6 +92,8 @@ class SeenLoop(ByValue):
     others_stable: bool
     controller: NDArray[np.complex128] | None
     sensitivity: NDArray[np.float64] | None
+    poles: NDArray[np.complex128] | None
+    damping: float | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,6 +202,7 @@ def _seen(
     sensitivity = None
     if own is not None and is_stable(plant.part([unit]), (own,)):
         sensitivity = np.abs(1 / (1 + process * own.response(omega)))
+    poles = None if own is None or element.dead_time else _poles(exact, own)
     dead = any(
         plant.element(row, column).dead_time
         for row, column in itertools.product([unit, *others], repeat=2)
@@ -211,7 +218,16 @@ def _seen(
         others_stable=others_stable,
         controller=None if own is None else own.response(omega),
         sensitivity=sensitivity,
+        poles=poles,
+        damping=None if poles is None else float(np.min(-poles.real / np.abs(poles))),
     )
+
+
+def _poles(process: Rational, controller: Controller) -> NDArray[np.complex128]:
+    """Return the roots of 1 + p c = 0, those that p and c cancel included."""
+    c = rational_controller(controller)
+    roots = roots_of(process.den * c.den + process.num * c.num)
+    return np.array([root.value for root in roots for _ in range(root.multiplicity)], dtype=complex)
 
 
 def _exact(

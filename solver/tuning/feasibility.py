@@ -132,6 +132,8 @@ def _parallel(plant: ParallelPlant) -> Impossibility | None:
             f"the steady-state interaction is a = {a:.6g}: the gain matrix is singular, so the "
             "outputs cannot be controlled independently"
         )
+        if lost_difference:
+            reason += " (integral action of units on one load: mutune parallel-drives)"
         return Impossibility(reason, 0.0, whatever_signs=True)
     if low < a < 1:
         return _without_gain(plant)

@@ -400,4 +400,16 @@ class InteractionResult(IdentifiedResult):
         examples=[None],
     )
     effect: LoopEffectResult | None = Field(description="The effect asked for.", examples=[None])
+    actions: list[Literal["reverse", "direct"] | None] = Field(
+        default=[],
+        description="How the controller of each loop, as numbered, must act. reverse: its output "
+        "falls when its measurement rises. null: the process has no gain.",
+        examples=[["reverse", "direct"]],
+    )
+    signals: list[str] = Field(
+        default=[],
+        description="What happens in two loops when the set point of the first one falls, signal "
+        "by signal; or why nothing goes round.",
+        examples=[["Controller 1 is reverse acting, controller 2 direct acting."]],
+    )
     warnings: list[str] = Field(description="What to look at twice.", examples=[[]])

@@ -45,6 +45,7 @@ def table(result: InteractionResult) -> list[Part]:
     if result.relative_gains is not None:
         parts.append(matrix("Relative gains", result.relative_gains, "output", "input"))
     parts += [Line(loop.text) for loop in result.loops]
+    parts += [Line(text) for text in result.signals]
     if result.parallel is not None:
         parts.append(_parallel(result.n, result.parallel))
     if result.ranking is not None:

@@ -61,6 +61,16 @@ class SeenLoop(BaseModel):
     sensitivity: Numbers | None = Field(
         description="|S| of the loop alone; null: open, or unstable alone.", examples=[[0.1]]
     )
+    poles: list[Complex] | None = Field(
+        default=None,
+        description="Closed-loop poles of the loop alone; null: open, or dead time.",
+        examples=[[{"re": -1.0, "im": 0.5}]],
+    )
+    damping: float | None = Field(
+        default=None,
+        description="Least damping of these poles; null: open, or dead time.",
+        examples=[0.45],
+    )
 
 
 class LoopResponsesResult(IdentifiedResult):

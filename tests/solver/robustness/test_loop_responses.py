@@ -82,3 +82,15 @@ def test_loops_must_be_as_many_as_units() -> None:
     with pytest.raises(InvalidInputError) as error:
         LoopResponsesQuery(EXAMPLE, (None,))
     assert error.value.field == "/loops"
+
+
+def test_poles_of_a_loop_alone() -> None:
+    """Johansson, section 3: u2-y2 under 6.5, 0.56 has a damping of 0.236 (he prints 0.18)."""
+    process = TransferFunction([100], np.poly([-1, -10, -10]).tolist())
+    plant = MatrixPlant([[process]])
+    (loop,) = loop_responses(LoopResponsesQuery(plant, (Controller(6.5, 0.56),))).loops
+    assert loop.damping == pytest.approx(0.236, abs=5e-4)
+    assert loop.poles is not None
+    s = loop.poles
+    values = process(s) * Controller(6.5, 0.56)(s)
+    np.testing.assert_allclose(values, -1, rtol=1e-9)
