@@ -32,6 +32,7 @@ COMMANDS = {
     "loop_responses": "loop-responses",
     "parallel_drives": "parallel-drives",
     "physical": "physical",
+    "relay_tuning": "relay-tuning",
     "relay": "relay",
     "retune": "retune",
     "robustness": "robustness",

@@ -142,8 +142,9 @@ class ControllerChoice(RequestModel):
     )
     arrangement: Literal["identical", "independent", "grouped", "best"] = Field(
         default="independent",
-        description="Which loops share settings: all (identical), none (independent), those of "
-        "a group (grouped, with groups or group_sizes), or as found best (best).",
+        description="Which loops share settings: all (identical), none (independent: the "
+        "literature's different controllers), those of a group (grouped, with groups or "
+        "group_sizes), or as found best (best).",
         examples=["independent"],
     )
     group_sizes: (

@@ -177,8 +177,8 @@ class TuningRequest(RecordedRequest):
     )
     objective: Literal["tau_p", "mu"] = Field(
         default="tau_p",
-        description="tau_p: the fastest closed loop; mu: the smallest peak of mu at a given "
-        "performance.tau_p.",
+        description="tau_p: the fastest closed loop (the literature's Approach 2); mu: the "
+        "smallest peak of mu at a given performance.tau_p (Approach 1).",
         examples=["tau_p"],
     )
     search: Search = Field(

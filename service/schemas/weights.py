@@ -171,7 +171,8 @@ class Performance(RequestModel):
     )
     tau_p: PositiveTime | None = Field(
         default=None,
-        description="Closed-loop time constant; null where it is what the tuning seeks.",
+        description="tau_P: closed-loop time constant, the bandwidth omega_B is 1/(M tau_P); null "
+        "where it is what the tuning seeks.",
         examples=[19.0],
     )
     output_scale: (

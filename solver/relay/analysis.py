@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -328,4 +328,9 @@ def _among_equals(
     inputs = [pairs[output] for output in range(plant.n)]
     if any(plant.element(row, column).is_zero for row, column in enumerate(inputs)):
         return None
-    return mcavoy(plant, inputs, experiment.output, alone, band)
+    found = mcavoy(plant, inputs, experiment.output, alone, band)
+    return replace(
+        found,
+        rough_settings=settings(found.rough, sign),
+        exact_settings=None if found.exact is None else settings(found.exact, sign),
+    )

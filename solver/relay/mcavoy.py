@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from solver.model.plants import Plant
+    from solver.relay.settings import UltimateSettings
 
 __all__ = ["McAvoy", "mcavoy"]
 
@@ -50,12 +51,16 @@ class McAvoy:
     exact : Ultimate or None
         The least gain at which equal loops oscillate, without that approximation; None where
         they never do in the range looked at.
+    rough_settings, exact_settings : UltimateSettings or None
+        PI settings by rule from both points.
 
     """
 
     factor: complex
     rough: Ultimate
     exact: Ultimate | None
+    rough_settings: UltimateSettings | None = None
+    exact_settings: UltimateSettings | None = None
 
 
 def mcavoy(

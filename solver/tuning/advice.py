@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
+
+import numpy as np
+
+from solver.interaction.relative_gain import relative_gain_at
+from solver.model.plants import ParallelPlant
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from solver.model.controllers import Controller
+    from solver.model.plants import Plant
     from solver.model.weights import Performance
     from solver.tuning.specification import Specification
 
 __all__ = ["NEAR_ONE", "advice", "weights_factor"]
 
+LARGE = 10.0  # relative gain from which a plant is called ill-conditioned, as in `interaction`
 NEAR_ONE = 1e-3  # of mu: the factor is 1 to the digits that matter
 
 
@@ -50,9 +58,35 @@ def advice(
             f"As a bandwidth this tau_P asks for omega_B = 1/(M tau_P) = {bandwidth:.4g} rad per "
             f"time unit in every direction, M = {performance.max_peak:g}."
         )
+        found += _difficulty(specification.plant, bandwidth)
     if abs(peak - 1) > NEAR_ONE:
         found.append(weights_factor(peak))
     return tuple(found)
+
+
+def _difficulty(plant: Plant, bandwidth: float) -> list[str]:
+    """Judge the relative gain where it matters, at the bandwidth (SLH, section 4.2)."""
+    at = bandwidth * np.array([1e-4, 1.0])
+    if isinstance(plant, ParallelPlant):
+        if plant.n == 1:
+            return []
+        a = plant.interaction.response(at) / plant.process.response(at)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            own = (1 + (plant.n - 2) * a) / ((1 + (plant.n - 1) * a) * (1 - a))  # eq. 13
+        gains = np.abs(own)
+    else:
+        array = relative_gain_at(plant.response(at))
+        gains = np.abs(np.diagonal(array, axis1=1, axis2=2)).max(axis=1)
+    slow, there = gains.tolist()
+    if not (math.isfinite(slow) and math.isfinite(there)) or max(slow, there) < LARGE:
+        return []
+    if there >= LARGE:
+        text = (
+            "large: the plant is difficult for every controller, and a decoupler would be fragile"
+        )
+    else:
+        text = "moderate: what is difficult at rest is not so where the loops work"
+    return [f"At that bandwidth the relative gain is {there:.3g} (at rest {slow:.3g}), {text}."]
 
 
 def weights_factor(peak: float) -> str:

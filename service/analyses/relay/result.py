@@ -164,6 +164,12 @@ class McAvoy(BaseModel):
         description="Without that approximation; null: equal loops never oscillate.",
         examples=[{"gain": 7.43, "omega": 1.78}],
     )
+    rough_settings: RuleSettings | None = Field(
+        default=None, description="PI settings by rule from `rough`.", examples=[None]
+    )
+    exact_settings: RuleSettings | None = Field(
+        default=None, description="PI settings by rule from `exact`.", examples=[None]
+    )
 
 
 class RelayTheory(BaseModel):

@@ -98,6 +98,15 @@ def _theory(theory: RelayTheory) -> list[Part]:
         if each is not None:
             where = f"gain {number(each.gain)} at {number(each.omega)} rad/time"
             parts.append(Line(f"{name}: {where}."))
+    mcavoy = theory.mcavoy
+    if mcavoy is not None:
+        for name, rules in (("McAvoy", mcavoy.rough_settings), ("exact", mcavoy.exact_settings)):
+            if rules is not None:
+                loop = rules.ziegler_nichols
+                text = f"K {number(loop.gain)}, Ti {number(loop.integral_time)}"
+                parts.append(
+                    Line(f"Ziegler and Nichols for equal loops, {name} ultimate point: {text}.")
+                )
     return parts
 
 

@@ -30,7 +30,7 @@ def _factor(text: str) -> float:
 def test_either_unit_may_take_either_setting() -> None:
     """Identical units with unlike settings: interchanged, the peak is the same, and it is said."""
     specification = Specification(PLANT, UNCERTAINTY, PERFORMANCE, objective=Objective.MU)
-    (sentence, _) = advice(specification, PERFORMANCE, UNLIKE, 1.0)
+    sentence, *_ = advice(specification, PERFORMANCE, UNLIKE, 1.0)
     assert "either unit may take any" in sentence
     peaks = [
         analyse(PLANT, UNCERTAINTY, PERFORMANCE, loops).peaks for loops in (UNLIKE, UNLIKE[::-1])
@@ -85,3 +85,24 @@ def test_both_weights_times_the_factor_make_mu_one(tau_p: float) -> None:
 
 def _scaled(weight: TransferFunction, factor: float) -> TransferFunction:
     return TransferFunction([factor * each for each in weight.num], weight.den)
+
+
+def test_the_relative_gain_is_judged_at_the_bandwidth() -> None:
+    """Large at rest and there; large at rest only; small: nothing is said."""
+    constant = Specification(PLANT, UNCERTAINTY, PERFORMANCE, objective=Objective.MU)
+    text = " ".join(advice(constant, PERFORMANCE, UNLIKE, 1.0))
+    assert "relative gain is 10.1 (at rest 10.1), large" in text
+    slow = MatrixPlant(
+        [
+            [TransferFunction([1], [10, 1]), TransferFunction([0.97], [1000, 1])],
+            [TransferFunction([0.97], [1000, 1]), TransferFunction([1], [10, 1])],
+        ]
+    )
+    fading = Specification(slow, UNCERTAINTY, PERFORMANCE, objective=Objective.MU)
+    assert "moderate: what is difficult at rest" in " ".join(
+        advice(fading, PERFORMANCE, UNLIKE, 1.0)
+    )
+    weak = Specification(
+        first_order(3, 1.0, 100.0, 0.2), UNCERTAINTY, PERFORMANCE, objective=Objective.MU
+    )
+    assert "relative gain" not in " ".join(advice(weak, PERFORMANCE, UNLIKE[:1] * 3, 1.0))
