@@ -57,6 +57,7 @@ __all__ = ["DENSE_UP_TO", "Interaction", "RelativeGainCurves", "analyse_interact
 
 # Parallel plants above this size are described by their closed forms alone.
 DENSE_UP_TO = MAX_MATRIX_SIZE
+_SMALL = 0.1  # relative gain below which a sign says little
 _POINTS = 100
 
 
@@ -230,6 +231,7 @@ def analyse_interaction(plant: Plant, omega: ArrayLike | None = None) -> Interac
             *gain_warnings(relative_gains, loops),
             *pairing_warnings(ranking, controllability),
             *parallel_warnings(nearest),
+            *_sign_warnings(relative_gains, relative_gain_at(plant.response(omega))),
             *_zero_warnings(zeros, limits),
         ),
         actions=controller_actions(
@@ -339,6 +341,30 @@ def _warnings(
             "As numbered, no decentralised integral control survives all changes of the loops' "
             "gains: " + "; ".join(controllability.reasons[:3]) + "."
         )
+    return tuple(found)
+
+
+def _sign_warnings(
+    relative_gains: NDArray[np.float64] | None, curves: NDArray[np.complex128]
+) -> tuple[str, ...]:
+    """Say which own relative gains have another sign far above all dynamics than at rest.
+
+    Johansson (1993), below eq. 8: the behaviour of such a plant changes with the frequency.
+    """
+    if relative_gains is None or not len(curves):
+        return ()
+    found = []
+    for loop, slow in enumerate(np.diagonal(relative_gains).tolist()):
+        fast = complex(curves[-1, loop, loop])
+        # A gain that still turns has no sign yet, one near zero none worth a word.
+        if not np.isfinite(fast) or abs(fast.imag) > 0.5 * abs(fast.real) or abs(fast) < _SMALL:
+            continue
+        if slow * fast.real < 0:
+            found.append(
+                f"The relative gain of loop {loop + 1} changes its sign over frequency, from "
+                f"{slow:.3g} at rest to {fast.real:.3g} far above: fast signals see another plant "
+                "than slow ones, which makes it hard to control."
+            )
     return tuple(found)
 
 

@@ -17,6 +17,7 @@ from solver.interaction.dynamic_decoupler import DynamicDecoupler, diagonal_mu
 from solver.interaction.loop_shape import RobustnessLimits
 from solver.interaction.pi_design import LoopDesigner
 from solver.interaction.sampling import dense_frequencies
+from solver.model.controllers import DERIVATIVE_FILTER
 from solver.model.frequencies import EXTREMES, corners, resonances
 from solver.stability.encirclements import LoopBatch, count_unstable
 from solver.stability.neutral import delayed_radius, feedthrough
@@ -49,6 +50,8 @@ class DecoupledLoops:
         PI settings, one a loop, with positive integral gains.
     weights : tuple of float
         Set-point weights b, one a loop.
+    derivative_times : tuple of float
+        tau_D of (1 + tau_D s)/(1 + 0.1 tau_D s) in series with each PI controller; empty: none.
 
     """
 
@@ -56,6 +59,7 @@ class DecoupledLoops:
     decoupler: NDArray[np.float64] | DynamicDecoupler
     gains: tuple[ParallelForm, ...]
     weights: tuple[float, ...]
+    derivative_times: tuple[float, ...] = ()
 
     def approximate(self, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return H at `omega` (k,) rad per time unit, (k, n, n)."""
@@ -106,11 +110,17 @@ class DecoupledLoops:
 
         if isinstance(self.decoupler, DynamicDecoupler):
             # Q is diagonal and the decoupler stable: what the loops are alone.
+            times = self.derivative_times or (0.0,) * self.plant.n
             return all(
-                LoopDesigner(process, RobustnessLimits()).given(gains).sensitivity is not None
-                for process, gains in zip(self.decoupler.processes, self.gains, strict=True)
+                LoopDesigner(process.led(time), RobustnessLimits()).given(gains).sensitivity
+                is not None
+                for process, gains, time in zip(
+                    self.decoupler.processes, self.gains, times, strict=True
+                )
             )
         k = np.array([g.proportional_gain for g in self.gains])
+        for index, time in enumerate(self.derivative_times):
+            k[index] /= DERIVATIVE_FILTER if time else 1.0
         passed = {
             time: (feedthrough(self.plant, time) @ self.decoupler * k)[None]
             for time in {0.0, *(element.dead_time for element in self.plant.elements)}
@@ -118,7 +128,9 @@ class DecoupledLoops:
         if len(passed) > 1 and delayed_radius(passed)[0] >= 1:
             return False
         resets = [g.integral_gain / abs(g.proportional_gain or np.inf) for g in self.gains]
-        bends = np.append(corners(self.plant), [omega for omega in resets if omega > 0])
+        rates = [1 / time for time in self.derivative_times if time]
+        rates += [rate / DERIVATIVE_FILTER for rate in rates]
+        bends = np.append(corners(self.plant), [omega for omega in resets if omega > 0] + rates)
         batch = LoopBatch(
             loop_gain, np.sort(bends), resonances(self.plant), passed[0.0], self.plant.n
         )
@@ -128,6 +140,7 @@ class DecoupledLoops:
         """Return a frequency beyond which no loop gain reaches one, where there is such an end."""
         D = self._decoupler(dense_frequencies(self.plant.elements))
         most = max((abs(g.proportional_gain) for g in self.gains), default=0.0)
+        most /= DERIVATIVE_FILTER if any(self.derivative_times) else 1.0
         gain = most * float(np.abs(D).sum(axis=(-2, -1)).max())
         ends = [
             (gain * abs(element.num[0] / element.den[0])) ** (1 / element.relative_degree)
@@ -146,10 +159,17 @@ class DecoupledLoops:
         return np.asarray(self.decoupler, dtype=np.complex128)
 
     def _feedback(self, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
-        return _pi(omega, self.gains, [1.0] * len(self.gains))
+        return _pi(omega, self.gains, [1.0] * len(self.gains)) * self._leads(omega)
 
     def _set_point(self, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
-        return _pi(omega, self.gains, self.weights)
+        return _pi(omega, self.gains, self.weights) * self._leads(omega)
+
+    def _leads(self, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Return the derivative actions in series, (k, n), or one for all."""
+        if not self.derivative_times:
+            return np.ones((1, 1), dtype=complex)
+        s = 1j * omega[:, None] * np.array(self.derivative_times)
+        return np.asarray((1 + s) / (1 + DERIVATIVE_FILTER * s), dtype=np.complex128)
 
 
 def _pi(

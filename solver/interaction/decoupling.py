@@ -75,6 +75,10 @@ class DecouplingSpecification(ByValue):
         are designed.
     dynamic : bool
         A dynamic decoupler, for two loops whose own elements can be inverted; else P(0)^-1.
+    derivative_times : tuple of float or None
+        tau_D of each loop, zero for PI: the loop is the PI controller in series with
+        (1 + tau_D s)/(1 + 0.1 tau_D s), the cascade form of `Controller`. PI settings are designed
+        for the process behind that.
     slower : float or None
         Factor >= 1 by which the integral gains are divided after the design, the proportional
         gains by its square root: eq. (7.27) of Astrom and Hagglund, as Example 11.6 uses it. The
@@ -89,6 +93,7 @@ class DecouplingSpecification(ByValue):
     omega: NDArray[np.float64] | None = None
     gains: tuple[ParallelForm, ...] | None = None
     dynamic: bool = False
+    derivative_times: tuple[float, ...] | None = None
     slower: float | None = None
 
     def __post_init__(self) -> None:
@@ -96,6 +101,7 @@ class DecouplingSpecification(ByValue):
         self._check_plant()
         self._check_gains()
         self._check_slower()
+        self._check_derivative_times()
         if self.max_index is not None and not 0 < self.max_index <= 1e6:
             message = "the interaction index must be positive and at most 1e6"
             raise InvalidInputError(message, "/max_index")
@@ -132,6 +138,18 @@ class DecouplingSpecification(ByValue):
             message = "the static gain is singular: it has no inverse to decouple with"
             raise InvalidInputError(message, "/plant")
 
+    def _check_derivative_times(self) -> None:
+        if self.derivative_times is None:
+            return
+        settle(self, derivative_times=reals(self.derivative_times, "/derivative_times"))
+        if len(self.derivative_times) != self.plant.n:
+            message = f"{len(self.derivative_times)} derivative times for {self.plant.n} loops"
+            raise InvalidInputError(message, "/derivative_times")
+        for index, time in enumerate(self.derivative_times):
+            if not 0 <= time <= LARGEST:
+                message = "a derivative time must be zero or positive"
+                raise InvalidInputError(message, f"/derivative_times/{index}")
+
     def _check_slower(self) -> None:
         if self.slower is None:
             return
@@ -154,7 +172,7 @@ class DecouplingSpecification(ByValue):
             raise InvalidInputError(message, "/max_index")
         for index, gains in enumerate(self.gains):
             if gains.derivative_gain:
-                message = "the loops behind a decoupler are PI"
+                message = "give derivative_times: derivative action stands in series with PI"
                 raise InvalidInputError(message, f"/gains/{index}/derivative_gain")
             # Q(0) = I: each loop has a positive static gain.
             if not 0 < gains.integral_gain <= LARGEST:
@@ -297,12 +315,10 @@ def _first_coefficients(plant: Plant, D: NDArray[np.float64]) -> NDArray[np.floa
     return np.where(np.abs(kappa) <= noise, 0.0, kappa)
 
 
-def _loops(
-    specification: DecouplingSpecification,
-    D: NDArray[np.float64] | DynamicDecoupler,
-    kappa: NDArray[np.float64],
-) -> list[PIDesign]:
-    """Return the loops as given, as designed, or detuned by the exact peaks."""
+def _designers(
+    specification: DecouplingSpecification, D: NDArray[np.float64] | DynamicDecoupler
+) -> list[LoopDesigner]:
+    """Return the designers of all loops; of units that are alike one."""
     plant = specification.plant
     size = range(plant.n)
     if isinstance(D, DynamicDecoupler):
@@ -322,6 +338,23 @@ def _loops(
             )
             for loop in size
         ]
+    times = specification.derivative_times
+    if times is not None:
+        return [
+            LoopDesigner(designer.process.led(time), specification.limits)
+            for designer, time in zip(designers, times, strict=True)
+        ]
+    return designers
+
+
+def _loops(
+    specification: DecouplingSpecification,
+    D: NDArray[np.float64] | DynamicDecoupler,
+    kappa: NDArray[np.float64],
+) -> list[PIDesign]:
+    """Return the loops as given, as designed, or detuned by the exact peaks."""
+    plant, times = specification.plant, specification.derivative_times or ()
+    designers = _designers(specification, D)
     if specification.gains is not None:
         return [
             designer.given(gains)
@@ -346,7 +379,7 @@ def _loops(
 
     def peaks(loops: Sequence[PIDesign]) -> NDArray[np.float64] | None:
         gains = tuple(loop.gains for loop in loops if loop.gains is not None)
-        system = DecoupledLoops(plant, D, gains, specification.weights)
+        system = DecoupledLoops(plant, D, gains, specification.weights, times)
         return _peaks(np.abs(system.exact(system.frequencies()))) if system.is_stable() else None
 
     # Where nothing in the model bounds a loop, the estimate is where the search begins.
@@ -392,7 +425,8 @@ def _closed_loop(
     if len(gains) < len(loops):
         return None
     plant = specification.plant
-    system = DecoupledLoops(plant, D, gains, specification.weights)
+    times = specification.derivative_times or ()
+    system = DecoupledLoops(plant, D, gains, specification.weights, times)
     omega = specification.omega
     if omega is None:
         bends = corners_of(plant.elements)

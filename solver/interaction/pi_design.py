@@ -104,6 +104,7 @@ class LoopDesigner:
     """
 
     def __init__(self, process: WeightedSum, limits: RobustnessLimits) -> None:
+        self.process = process
         if any(np.any(term.poles.real >= 0) for term in process.active_terms):
             message = "the design is for stable processes; this one integrates or is unstable"
             raise UnsupportedPlantError(message)

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from solver.model.controllers import DERIVATIVE_FILTER
+from solver.model.transfer_function import TransferFunction
+
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
-
-    from solver.model.transfer_function import TransferFunction
 
 __all__ = ["WeightedSum"]
 
@@ -39,6 +40,21 @@ class WeightedSum:
             if weight:
                 total += weight * term.response(frequencies)
         return total
+
+    def led(self, time: float) -> WeightedSum:
+        """Return the function times (1 + time s)/(1 + 0.1 time s), derivative action in series."""
+        if not time:
+            return self
+        lead, lag = [time, 1.0], [DERIVATIVE_FILTER * time, 1.0]
+        terms = [
+            TransferFunction(
+                np.polymul(term.num, lead).tolist(),
+                np.polymul(term.den, lag).tolist(),
+                term.dead_time,
+            )
+            for term in self.terms
+        ]
+        return WeightedSum(self.weights, tuple(terms))
 
     @property
     def static_gain(self) -> float:

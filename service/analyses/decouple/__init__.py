@@ -16,7 +16,14 @@ from service.printing import Grid, Line, Part, matrix, warning_lines
 from service.schemas.complex import Complex
 from service.schemas.controllers import ParallelForm
 from service.schemas.encoding import encode
-from service.schemas.fields import AnalysisRequest, Gain, IdentifiedResult, RequestModel, below
+from service.schemas.fields import (
+    AnalysisRequest,
+    Gain,
+    IdentifiedResult,
+    RequestModel,
+    Time,
+    below,
+)
 from service.schemas.frequencies import Frequencies, ascending
 from service.schemas.peaks import Peak
 from service.schemas.plants import Plant
@@ -121,6 +128,14 @@ class DecouplingRequest(AnalysisRequest):
         "does to the other is cancelled at all frequencies, where that can be built.",
         examples=["static"],
     )
+    derivative_times: (
+        Annotated[tuple[Time, ...], Field(min_length=1, max_length=MAX_MATRIX_SIZE)] | None
+    ) = Field(
+        default=None,
+        description="tau_D of each loop, 0 for none: derivative action over a decade in series "
+        "with the PI controller, whose settings are designed for the process behind it; null: PI.",
+        examples=[None, [1.0, 3.0]],
+    )
     slower: Factor | None = Field(
         default=None,
         description="Integral gains are divided by this factor after the design, proportional "
@@ -144,6 +159,7 @@ class DecouplingRequest(AnalysisRequest):
             ascending(self.omega),
             None if self.gains is None else tuple(gains.build() for gains in self.gains),
             dynamic=self.decoupler == "dynamic",
+            derivative_times=self.derivative_times,
             slower=self.slower,
         )
 

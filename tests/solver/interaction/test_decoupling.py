@@ -472,3 +472,33 @@ def test_gains_in_any_unit_are_decoupled_alike(unit: float) -> None:
     assert usual is not None
     assert found.stable
     np.testing.assert_allclose(found.exact_peaks, usual.exact_peaks, rtol=1e-6)
+
+
+def test_derivative_action_makes_decoupled_loops_faster() -> None:
+    """Behind the same decoupler and limits: more integral gain, and the peaks are kept."""
+    pi = decouple(DecouplingSpecification(COLUMN, dynamic=True))
+    pid = decouple(DecouplingSpecification(COLUMN, dynamic=True, derivative_times=(1.0, 1.5)))
+    assert pid.closed_loop is not None
+    assert pid.closed_loop.stable
+    for before, after in zip(pi.loops, pid.loops, strict=True):
+        assert before.gains is not None
+        assert after.gains is not None
+        assert after.gains.integral_gain > 1.1 * before.gains.integral_gain
+    # The loop's own response is that of a PID controller in cascade form.
+    omega = pid.closed_loop.omega
+    q = pid.closed_loop.process[:, 0, 0]
+    k, k_i = pid.loops[0].gains.proportional_gain, pid.loops[0].gains.integral_gain  # type: ignore[union-attr]
+    c = (k - 1j * k_i / omega) * (1 + 1j * omega) / (1 + 0.1j * omega)
+    c_bar = (-1j * k_i / omega) * (1 + 1j * omega) / (1 + 0.1j * omega)
+    np.testing.assert_allclose(pid.closed_loop.exact[:, 0, 0], q * c_bar / (1 + q * c), rtol=1e-9)
+    sensitivity = np.abs(1 / (1 + q * c))
+    assert sensitivity.max() <= 1.6 * (1 + 1e-6)
+
+
+def test_derivative_action_behind_a_static_decoupler_is_analysed_exactly() -> None:
+    """The loops together are stable as encirclements with the lead say."""
+    found = decouple(DecouplingSpecification(COLUMN, derivative_times=(0.5, 2.0), max_index=1.0))
+    assert found.closed_loop is not None
+    assert found.closed_loop.stable
+    off = found.closed_loop.exact_peaks[[0, 1], [1, 0]]
+    assert off.max() <= 1.0
