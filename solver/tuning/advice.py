@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.interaction.relative_gain import relative_gain_at
-from solver.model.plants import ParallelPlant
+from solver.model.measured import MeasuredPlant
+from solver.model.plants import MAX_MATRIX_SIZE, ParallelPlant
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -67,13 +68,16 @@ def advice(
 def _difficulty(plant: Plant, bandwidth: float) -> list[str]:
     """Judge the relative gain where it matters, at the bandwidth (SLH, section 4.2)."""
     at = bandwidth * np.array([1e-4, 1.0])
+    # One loop has no relative gain, and a measured plant no response at these frequencies.
+    if plant.n == 1 or isinstance(plant, MeasuredPlant):
+        return []
     if isinstance(plant, ParallelPlant):
-        if plant.n == 1:
-            return []
         a = plant.interaction.response(at) / plant.process.response(at)
         with np.errstate(divide="ignore", invalid="ignore"):
             own = (1 + (plant.n - 2) * a) / ((1 + (plant.n - 1) * a) * (1 - a))  # eq. 13
         gains = np.abs(own)
+    elif plant.n > MAX_MATRIX_SIZE:
+        return []
     else:
         array = relative_gain_at(plant.response(at))
         gains = np.abs(np.diagonal(array, axis1=1, axis2=2)).max(axis=1)
