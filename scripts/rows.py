@@ -22,9 +22,10 @@ FOLDER = Path(__file__).parent.parent / "docs" / "sources"
 HEAD = """# Every statement of the sources
 
 Each statement, equation, figure and open question of the four sources, and of the tool's own
-description, in their order: what is stated, what mutune says, and how it stands. A number stands
-where the product was asked; a test asks it again. `works`: mutune does it, and its numbers are
-those stated where there are any. `partly`, `not there`: as the row says. `differs`: both are
+description, in their order: what is stated, what mutune says, and how it stands. Numbers of
+analyses are asked again by a test; those of tunings and limits, which take longer, are of single
+runs, and tables 1 to 4 have a test of their own. `works`: mutune does it, and its numbers are those
+stated where there are any. `partly`, `not there`: as the row says. `differs`: both are
 sound, they are not equal. `wrong in the source`: recomputed, with the reason in
 [Published numbers, and ours](../sources.md).
 
