@@ -156,6 +156,11 @@ def _words(model: type[BaseModel], item: ErrorDetails, place: Sequence[int | str
         context = item.get("ctx", {})
         least = context.get("min_length", 1)
         return f"at least {least} {'entry' if least == 1 else 'entries'} needed"
+    if item["type"] in {"union_tag_invalid", "union_tag_not_found"}:
+        kinds = _kinds(model.model_json_schema(), place)
+        near = difflib.get_close_matches(str(item.get("ctx", {}).get("tag")), kinds, 1)
+        what = "no such kind" if item["type"] == "union_tag_invalid" else "a kind is needed"
+        return f"{what}; did you mean {near[0]}?" if near else f"{what}: {', '.join(kinds)}"
     if item["type"] != "extra_forbidden":
         return item["msg"]
     given = str(place[-1])
@@ -176,6 +181,17 @@ def field_names(schema: dict[str, Any], location: Sequence[int | str]) -> list[s
         Where the object is in the JSON.
 
     """
+    return sorted({name for each in _at(schema, location) for name in each.get("properties", {})})
+
+
+def _kinds(schema: dict[str, Any], location: Sequence[int | str]) -> list[str]:
+    """Return the kinds that an object at `location` may be of."""
+    tags = [each.get("discriminator", {}).get("mapping", {}) for each in _at(schema, location)]
+    return [kind for mapping in tags for kind in mapping]
+
+
+def _at(schema: dict[str, Any], location: Sequence[int | str]) -> list[dict[str, Any]]:
+    """Return the schemas of what is at `location`, all forms together."""
     places = _forms(schema, schema)
     for part in location:
         inside = [
@@ -186,7 +202,7 @@ def field_names(schema: dict[str, Any], location: Sequence[int | str]) -> list[s
             item for place in places for item in [place.get("items")] if isinstance(item, dict)
         ]  # fmt: skip
         places = [form for each in inside for form in _forms(each, schema)]
-    return sorted({name for place in places for name in place.get("properties", {})})
+    return places
 
 
 def _forms(place: dict[str, Any], schema: dict[str, Any]) -> list[dict[str, Any]]:

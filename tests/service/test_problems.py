@@ -147,6 +147,16 @@ def test_all_faults_are_reported_at_once(client: httpx.Client) -> None:
         ),
         ("/plant/process", {}, [("/plant/process", "no such field")]),
         (
+            "/plant/kind",
+            "first_ordr",
+            [("/plant/kind", "no such kind; did you mean first_order?")],
+        ),
+        (
+            "/plant",
+            {"n": 2},
+            [("/plant/kind", "a kind is needed: first_order, matrix, parallel, state_space")],
+        ),
+        (
             "/plant",
             {"kind": "matrix", "elements": [[{"num": [], "den": [1]}]]},
             [("/plant/elements/0/0/num", "at least 1 entry needed")],
