@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic import ConfigDict, JsonValue
 
 from service.analysis import Analysis
+from service.model_wording import tolerance_lines
 from service.printing import Grid, Line, Part, peaks_grid, warning_lines
 from service.schemas.fields import AnalysisRequest, below
 from service.schemas.tunings import EXAMPLE as TUNING
@@ -73,6 +74,7 @@ def table(result: TuningResult) -> Sequence[Part]:
     ]
     if rows:
         parts.append(Grid(("loop", "k", "τI", "τD", "τF"), rows))
+    parts += tolerance_lines(result.model_tolerance)
     if result.peaks is not None:
         parts.append(peaks_grid(result.peaks))
     return [*parts, *warning_lines(result.warnings)]

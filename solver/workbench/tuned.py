@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from solver.model.controllers import Controller
     from solver.model.plants import Plant
     from solver.robustness.margins import LoopMargins
+    from solver.robustness.model_tolerance import ModelTolerance
 
 __all__ = ["InfeasibleError", "Tuned", "load"]
 
@@ -273,6 +274,8 @@ class Tuned:
         if tuning.certificate is not None:
             gamma = tuning.certificate.claim.gamma
             lines.append(f"certificate: stable, and mu <= {gamma:.6g} at every frequency")
+        if tuning.model_tolerance:
+            lines.append(f"model: {_least_tolerated(tuning.model_tolerance)}")
         lines += [f"warning: {warning}" for warning in tuning.warnings[:2]]
         return "\n".join(lines)
 
@@ -300,6 +303,24 @@ def load(path: str | PathLike[str]) -> Tuned:
     instance(found, Tuned, "/type")
     assert isinstance(found, Tuned)  # noqa: S101 - for the type checker
     return found
+
+
+def _least_tolerated(tolerances: tuple[ModelTolerance, ...]) -> str:
+    """Return the smallest error of one parameter that costs something, in words."""
+    sides = [
+        (abs(error), error, each, what)
+        for each in tolerances
+        for what, pair in (("the demand", each.demand or ()), ("stability", each.stability))
+        for error in pair
+        if error is not None
+    ]
+    if not sides:
+        return "no error of one parameter alone, to five times its value, costs anything"
+    _, error, each, what = min(sides, key=lambda side: side[0])
+    place = "" if each.element is None else f" of element {each.element[0]}, {each.element[1]}"
+    return (
+        f"beyond {100 * error:+.3g} % in {each.parameter.replace('_', ' ')}{place} {what} is lost"
+    )
 
 
 def _units(group: tuple[int, ...]) -> str:

@@ -27,6 +27,8 @@ def test_a_demand_that_moves_a_little_moves_the_settings() -> None:
     assert before.tau_p < after.tau_p < 1.1 * before.tau_p
     assert after.demand_met
     assert isinstance(ANALYSIS.table(after)[0], Line)
+    said = [part.text for part in ANALYSIS.table(after) if isinstance(part, Line)]
+    assert any(text.startswith("The model may be wrong") for text in said)
 
 
 def test_settings_to_start_from_are_needed() -> None:

@@ -19,7 +19,9 @@ USUAL = mutune.Uncertainty.from_error(0.2, 1)
 @pytest.fixture(scope="module")
 def tuned():
     """The published example, with its proof."""
-    return mutune.tune(PLANT, USUAL, controller="PI", starts=2, certificate=True)
+    return mutune.tune(
+        PLANT, USUAL, controller="PI", starts=2, certificate=True, model_tolerance=True
+    )
 
 
 @pytest.fixture(scope="module")
@@ -31,8 +33,9 @@ def infeasible():
 def test_keywords_and_specification_are_one_task(tuned):
     """The same digits, whichever way it is asked."""
     task = mutune.Specification(
-        PLANT, USUAL, mutune.Performance(max_peak=2), kind="PI", starts=2, certificate=True
-    )
+        PLANT, USUAL, mutune.Performance(max_peak=2), kind="PI", starts=2, certificate=True,
+        model_tolerance=True,
+    )  # fmt: skip
     again = mutune.tune(task)
     assert again == tuned
     assert hash(again) == hash(tuned)
@@ -58,6 +61,7 @@ def test_it_prints_in_about_eight_lines(tuned, infeasible):
     """And its repr in one."""
     assert 4 <= len(str(tuned).splitlines()) <= 8
     assert f"tau_p {tuned.tau_p:.6g}" in str(tuned)
+    assert "% in interaction the demand is lost" in str(tuned)
     assert len(repr(tuned)) < 100
     assert "infeasible" in str(infeasible)
     assert infeasible.tuning.reason in str(infeasible)
