@@ -1,12 +1,14 @@
-"""A single loop with dead time and direct feedthrough, at and near infinity: any phase.
+"""Loops with dead time and direct feedthrough, at and near infinity: any phase.
 
-There the loop gain L need not settle: its phase takes every value. Of one loop the worst phase is
-that at which 1 + L is shortest, so that over all of them
+There the loop gain L = G C need not settle: its phases take every value. With bounds B of the
+magnitudes of its elements, |S| <= (I - B)^-1 = X, element by element, where B has a spectral radius
+below one (Neumann's series), and |S L| <= X B. Scales d_i = 1/|c_i| turn C S G into S L, so that
 
-    |w_I T| + |w_P S| = (|w_I| |L| + |w_P|)/(1 - |L|),   |L| < 1,
+    |D N D^-1| <= [[|w_I| X B, a |w_I| X], [|w_P| X B/a, |w_P| X]]    for any a > 0,
 
-and the same with one of the terms for robust stability and nominal performance. The magnitudes
-are those of rational functions, which are enclosed up to infinity as polynomials in 1/omega^2.
+whose norm bounds mu. Of one loop it is (|w_I| |L| + |w_P|)/(1 - |L|): the worst phase attains it.
+The magnitudes are those of rational functions, enclosed up to infinity as polynomials in
+1/omega^2.
 """
 
 from __future__ import annotations
@@ -15,7 +17,9 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
+from solver.model.weights import Structure
 from solver.robustness.enclosed_forms import NOMINAL, STABILITY
 
 if TYPE_CHECKING:
@@ -34,6 +38,9 @@ PHASES = 64  # of each dead time that feeds through
 FAR = 1e8  # over the grid's end: what is not fed through has died away, phases still have digits
 ROUNDING = 1e-13  # of some hundred operations on positive numbers, each right to 1e-16
 SLACK = 1e-10  # above what is computed
+MOST_UNITS = 12
+RESIDUAL, LEAST_SURE = 1e-13, 1e-6  # of an inverse: rounding of its check, and what is too much
+WIDEST = 30.0  # log of the scale between inputs and outputs: 13 decades to either side
 
 
 def any_phase(plant: Plant) -> list[float]:
@@ -65,21 +72,21 @@ def bound_beyond(
     plant: Plant,
     uncertainty: Uncertainty,
     performance: Performance,
-    loop: Controller,
+    loops: Sequence[Controller],
     *,
     curve: int,
     end: float,
 ) -> float:
-    """Return a bound of a curve of one loop over all omega >= `end` (rad per time unit).
+    """Return a bound of a curve over all omega >= `end` (rad per time unit), whatever the phases.
 
     Parameters
     ----------
     plant : Plant
-        n = 1.
+        n <= `MOST_UNITS`, else there is no bound.
     uncertainty, performance : Uncertainty, Performance
         The weights; `performance.tau_p` is needed.
-    loop : Controller
-        Its controller.
+    loops : sequence of Controller
+        One a unit.
     curve : int
         ROBUST, STABILITY or NOMINAL.
     end : float
@@ -91,12 +98,73 @@ def bound_beyond(
         Rounding included; infinite where the loop gain may reach one.
 
     """
-    gain = _greatest([(plant.element(0, 0).num, plant.element(0, 0).den), *_factors(loop)], end)
-    if not gain < 1:
+    if plant.n > MOST_UNITS:
         return math.inf
-    uncertain = 0.0 if curve == NOMINAL else _greatest(_of(uncertainty.weight_of(0)), end) * gain
-    demanded = 0.0 if curve == STABILITY else _greatest(_of(performance.weight), end)
-    return (1 + SLACK) * (uncertain + demanded) / (1 - gain)
+    units = range(plant.n)
+    B = np.array(
+        [
+            [_greatest([*_element(plant, i, j), *_factors(loops[j])], end) for j in units]
+            for i in units
+        ]
+    )
+    X = _neumann(B)
+    if X is None:
+        return math.inf
+    w_I = np.array([_greatest(_of(uncertainty.weight_of(unit)), end) for unit in units])[:, None]
+    w_P = _greatest(_of(performance.weight), end)
+    e = np.array(performance.output_scale or (1.0,) * plant.n)
+    through, freely = X @ B, X
+    if uncertainty.structure is Structure.FULL:  # one scale for all inputs
+        c = np.array([_greatest(_factors(loop), end) for loop in loops])[:, None]
+        G = np.array([[_greatest(_element(plant, i, j), end) for j in units] for i in units])
+        top = np.hstack([w_I * c * (X @ G), w_I * c * X * e])
+        through = X @ G
+    else:
+        top = np.hstack([w_I * through, w_I * freely * e])
+    bottom = w_P * np.hstack([through, freely * e]) / e[:, None]
+    if not (np.isfinite(top).all() and np.isfinite(bottom).all()):
+        return math.inf
+    if curve == STABILITY:
+        return (1 + SLACK) * _norm(top[:, : plant.n])
+    if curve == NOMINAL:
+        return (1 + SLACK) * _norm(bottom[:, plant.n :])
+    scale = np.ones(2 * plant.n)
+
+    def norm(log_a: float) -> float:
+        scale[plant.n :] = math.exp(log_a)
+        return _norm(np.vstack([top, bottom]) * scale / scale[:, None])
+
+    least = minimize_scalar(norm, bounds=(-WIDEST, WIDEST), method="bounded")
+    return (1 + SLACK) * norm(float(least.x))
+
+
+def _neumann(B: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    """Return a matrix above (I - B)^-1, element by element; None where the series may diverge."""
+    if not np.isfinite(B).all():
+        return None
+    identity = np.eye(len(B))
+    try:
+        X = np.abs(np.linalg.inv(identity - B))
+    except np.linalg.LinAlgError:
+        return None
+    # A positive vector that I - B leaves positive: the spectral radius of B is below one.
+    y = X.sum(axis=1)
+    if not (y > 0).all() or not (y - B @ y > 0.5).all():
+        return None
+    # (I - B)^-1 = X (I - R)^-1, R = I - (I - B) X: no element of R^k exceeds r^k.
+    r = float(np.abs(identity - (identity - B) @ X).sum(axis=1).max()) + RESIDUAL
+    if not r < LEAST_SURE:
+        return None
+    return np.asarray(X + r / (1 - r) * X.sum(axis=1, keepdims=True))
+
+
+def _norm(matrix: NDArray[np.float64]) -> float:
+    return float(np.linalg.norm(matrix, ord=2))
+
+
+def _element(plant: Plant, row: int, column: int) -> list[tuple[Sequence[float], Sequence[float]]]:
+    element = plant.element(row, column)
+    return [(element.num, element.den)]
 
 
 def _of(function: TransferFunction) -> list[tuple[Sequence[float], Sequence[float]]]:

@@ -198,15 +198,18 @@ def test_a_gain_behind_dead_time_alone(gain: float) -> None:
 
 
 def test_many_phases_at_infinity_are_told() -> None:
-    """Two loops with dead time fed through: no proof, and the reason says why."""
+    """Two loops with dead time fed through: bounded if alike, else the reason is told."""
     element = TransferFunction([2, 1], [10, 1], 5)
     other = TransferFunction([0.4, 0.1], [8, 1], 3)
     plant = MatrixPlant([[element, other], [other, element]])
-    found = proven_peaks(
-        plant, Uncertainty.from_error(0.2, 1), Performance(tau_p=300), [Controller(1, 20)] * 2
-    )
-    assert found.guarantee.status is GuaranteeStatus.OPEN
-    assert "has any phase" in str(found.guarantee.reason)
+    task = (plant, Uncertainty.from_error(0.2, 1), Performance(tau_p=300))
+    alike = proven_peaks(*task, [Controller(1, 20)] * 2)
+    # L at infinity has elements of 0.2 and 0.05 at most, the row sum 1/4: (2/4 + 1/2)/(1 - 1/4).
+    assert alike.guarantee.status is GuaranteeStatus.PROVEN
+    assert alike.peaks.robust_performance.value <= 4 / 3 <= alike.guarantee.level
+    unlike = proven_peaks(*task, [Controller(1, 20), Controller(1.1, 20)])
+    assert unlike.guarantee.status is GuaranteeStatus.OPEN
+    assert "has any phase" in str(unlike.guarantee.reason)
 
 
 def test_the_worst_phase_far_out_is_met_though_few_digits_tell_it() -> None:
