@@ -153,11 +153,6 @@ def test_all_faults_are_reported_at_once(client: httpx.Client) -> None:
         ),
         (
             "/plant",
-            {"n": 2},
-            [("/plant/kind", "a kind is needed: first_order, matrix, parallel, state_space")],
-        ),
-        (
-            "/plant",
             {"kind": "matrix", "elements": [[{"num": [], "den": [1]}]]},
             [("/plant/elements/0/0/num", "at least 1 entry needed")],
         ),
@@ -230,3 +225,14 @@ def test_pointers_lead_through_the_body_whatever_form_a_field_has(
     with pytest.raises(RequestError) as refused:
         parse_tuning_request(text)
     assert [fault.pointer for fault in refused.value.faults] == pointers
+
+
+def test_a_kind_that_is_missing_is_asked_for_with_all_that_there_are(client: httpx.Client) -> None:
+    """One fault, at its place, with the names that may stand there."""
+    response = client.post(PATH, json=altered(TUNING, "/plant", {"n": 2}))
+    assert response.status_code == 422
+    (error,) = response.json()["errors"]
+    assert error["pointer"] == "/plant/kind"
+    asked, _, kinds = error["detail"].partition(": ")
+    assert asked == "a kind is needed"
+    assert {"first_order", "matrix", "parallel", "state_space"} <= set(kinds.split(", "))
