@@ -64,6 +64,7 @@ STEPS_BY_SIZE = 100_000_000  # over the cube of unlike loops: some ten seconds f
 NO_TRAIL = np.empty(0)
 CLOSER = (1.0, 0.03)  # of the distance of two phases far out
 MAX_LOOKS = 400
+FAR, LAST = 1e12, 1e150  # over the grid's end: what is not fed through has died away; and at most
 TAIL_STEP, TAIL_STEPS = 4.0, 30  # ends of the axis that are tried: up to 1e18 beyond the grid
 LIMITS = np.array([1e1, 1e2, 1e4, 1e6])  # beyond the ends, where the limits show
 SECTIONS, ROUNDS = 32, 4  # of a refinement: 16^4, a peak right to 1e-9 of its drop over the bracket
@@ -294,6 +295,9 @@ class _CurveSearch:
 
     def _prove(self, T: Tables, S: Scratch) -> None:
         high = self._end(T, S, upper=True)
+        if high is None and any_phase(self.analysis.blocks.plant):
+            self._resolve()  # the supremum may be out there, where few phases were looked at
+            high = self._end(T, S, upper=True)
         low = self._end(T, S, upper=False)
         if low is None or high is None:
             self.reason = "no proof towards the frequency zero"
@@ -301,6 +305,9 @@ class _CurveSearch:
                 self.reason = "no proof towards the frequency infinity"
                 if any_phase(self.analysis.blocks.plant):
                     self.reason += ": what dead time feeds through has any phase there"
+                    far = FAR * float(self.analysis.omega[-1])
+                    bound = self._any_phase_bound(min(far, LAST))
+                    self.reason += f", mu is at most {bound:.6g}" if bound < math.inf else ""
             self._resolve()
             return
         steps = min(MAX_STEPS, STEPS_BY_SIZE // T.controllers**3)
