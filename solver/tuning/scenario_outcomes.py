@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 __all__ = ["binding", "overall", "scenario_outcomes"]
 
+TOGETHER = 1e-6  # of tau_P or mu: scenarios that differ by rounding alone
+
 
 def scenario_outcomes(
     specification: Specification,
@@ -99,13 +101,16 @@ def overall(guarantees: Sequence[Guarantee]) -> Guarantee:
 
 
 def binding(outcomes: Sequence[ScenarioOutcome]) -> str | None:
-    """Return the name of the scenario that decides the result; None without scenarios."""
-    if not outcomes:
-        return None
-    return max(
-        outcomes,
-        key=lambda each: each.peaks.robust_performance.value if each.tau_p is None else each.tau_p,
-    ).name
+    """Return the name of the scenario that decides the result; None without scenarios.
+
+    Of those that do so together, as where they share the weakest direction, the first one.
+    """
+    values = [
+        each.peaks.robust_performance.value if each.tau_p is None else each.tau_p
+        for each in outcomes
+    ]
+    top = max(values, default=0.0) * (1 - TOGETHER)
+    return next((e.name for e, value in zip(outcomes, values, strict=True) if value >= top), None)
 
 
 def _own_tau_p(

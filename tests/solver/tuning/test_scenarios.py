@@ -63,6 +63,14 @@ def test_any_two_to_four_of_four_are_served_and_proven():
             assert dense_peak(FOUR, found.loops, found.tau_p, list(units), omega) <= 1 + 1e-6
 
 
+def test_of_plants_that_decide_together_the_first_is_named():
+    """Two scenarios with the weakest direction of the task's own plant, to rounding."""
+    plant = first_order(2, 1.0, 100.0, 0.7, 3.0)
+    matrix = MatrixPlant(plant.rows)
+    found = task(plant, [Scenario("again", plant=matrix), Scenario("other", plant=matrix)])
+    assert found.active == "as given"
+
+
 def test_the_harder_plant_decides():
     """Two operating points: tau_P is at least that of the harder one alone, which binds."""
     easy, hard = first_order(2, 1.0, 100.0, 0.5, 1.0), first_order(2, 1.0, 100.0, 0.7, 3.0)
