@@ -8,8 +8,8 @@ import { transferFunction } from "./symbols.js";
 
 /** Parts that most people leave as they are. */
 const FOLDED = new Set(["search", "bounds", "scenario"]);
-const MORE = new Set(["demands", "scenarios", "spread", "pairing", "as_found", "model_tolerance", "certificate",
-  "search"]);
+const MORE = new Set(["demands", "scenarios", "spread", "pairing", "mixing", "as_found", "model_tolerance",
+  "certificate", "search"]);
 const ALWAYS = new Set(["model_tolerance", "certificate", "search"]); // there in every request
 /** Fields that make sense with certain values of others only. @type {Record<string, (value: any) => boolean>} */
 const RELEVANT = {
@@ -63,12 +63,15 @@ function more(parts, value) {
 const isGiven = (value) => value != null && value !== "none"
   && (typeof value !== "object" || Object.values(value).some(isGiven));
 
+/** @param {Schema} s the word that tells a form of a union from the others */
+const tagOf = ({ properties }) => (properties?.kind ?? properties?.form)?.const;
+
 /** Several forms of one thing. @type {Builder} */
 export function union(form, s, value, pointer) {
   const forms = /** @type {Schema[]} */ (s.variants);
   const name = label(key(pointer));
   const titles = forms.map((form) => form.type === "array" ? "List"
-    : option(form.properties?.kind?.const ?? form.const ?? form.title).replace(`${name} `, ""));
+    : option(tagOf(form) ?? form.const ?? form.title).replace(`${name} `, ""));
   const content = h("div");
   let chosen = forms.indexOf(variantOf(forms, value));
   /** @type {Widget} */
