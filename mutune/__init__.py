@@ -28,7 +28,8 @@ if TYPE_CHECKING:
     from solver.identification.cover import cover, cover_by_error
     from solver.identification.equality import Equality
     from solver.identification.findings import Estimate, FittedElement
-    from solver.identification.identify import Identification, Prediction, identify
+    from solver.identification.identify import Alternative, Identification, identify
+    from solver.identification.prediction import Prediction
     from solver.identification.problem import PlantStructure
     from solver.identification.reading import read_record
     from solver.identification.record import Record
@@ -137,6 +138,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Allowed",
+    "Alternative",
     "Arrangement",
     "AsFound",
     "Blender",
@@ -318,7 +320,8 @@ _HOMES = {
     "solver.identification.cover": "cover cover_by_error",
     "solver.identification.equality": "Equality",
     "solver.identification.findings": "Estimate FittedElement",
-    "solver.identification.identify": "Identification Prediction identify",
+    "solver.identification.identify": "Alternative Identification identify",
+    "solver.identification.prediction": "Prediction",
     "solver.identification.problem": "PlantStructure",
     "solver.identification.reading": "read_record",
     "solver.identification.record": "Record",

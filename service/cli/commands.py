@@ -232,6 +232,9 @@ def identify(
     identical: Annotated[
         bool, typer.Option("--identical", help="The units share their transfer functions.")
     ] = False,
+    own_units: Annotated[
+        bool, typer.Option("--own-units", help="Each unit has two transfer functions of its own.")
+    ] = False,
     order: Annotated[Order, typer.Option(help="Of every element.")] = Order.AUTO,
     drift: Annotated[
         bool, typer.Option("--drift", help="The outputs drift; hides slow elements.")
@@ -244,6 +247,13 @@ def identify(
         Path | None,
         typer.Option("--output", "-o", metavar="REQUEST.json", help="Write a tuning request."),
     ] = None,
+    scenarios: Annotated[
+        bool,
+        typer.Option(
+            "--scenarios",
+            help="Units and records that differ are scenarios of the request, not in its weight.",
+        ),
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Identify a plant from records.
@@ -257,10 +267,17 @@ def identify(
         raise typer.Exit(analyse_file("identify", files[0], as_json=as_json))
     from service.cli.identifying import Question, identify_files  # noqa: PLC0415 - heavy
 
-    question = Question(time, inputs, outputs, identical, order.value, drift)
+    if identical and own_units:
+        message = "--identical and --own-units exclude each other"
+        raise typer.BadParameter(message)
+    structure = "parallel" if identical else "units" if own_units else "matrix"
+    question = Question(time, inputs, outputs, structure, order.value, drift)
     raise typer.Exit(
-        identify_files(files, question, validate=validate or [], output=output, as_json=as_json)
-    )
+        identify_files(
+            files, question, validate=validate or [], output=output, as_scenarios=scenarios,
+            as_json=as_json,
+        )
+    )  # fmt: skip
 
 
 # Commands above take more than a request.

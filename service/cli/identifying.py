@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from service.analyses.identify import ANALYSIS, identified
 from service.analyses.identify.models import IdentificationTask
@@ -13,6 +15,7 @@ from service.schemas.parsing import Fault, RequestError
 from service.whole_file import replace_text
 from solver.identification.reading import read_record
 from solver.identification.record import Record
+from solver.tuning.scenarios import LONGEST_NAME
 
 __all__ = ["Question", "identify_files"]
 
@@ -24,7 +27,7 @@ class Question:
     time: str
     inputs: str
     outputs: str
-    identical: bool
+    structure: str
     order: str
     drift: bool
 
@@ -36,6 +39,7 @@ def identify_files(
     *,
     validate: list[Path],
     output: Path | None,
+    as_scenarios: bool,
     as_json: bool,
 ) -> ExitCode:
     """Identify a plant from files, print what they tell, and write the tuning request.
@@ -57,20 +61,15 @@ def identify_files(
     task = IdentificationTask(
         used=records(files),
         kept_back=records(validate),
-        structure="parallel" if question.identical else "matrix",
+        structure=question.structure,
         order={"auto": None, "first": 1, "second": 2}[question.order],
         integrating=None,
         drift=question.drift,
+        digests=tuple(map(_digest, (*files, *validate))),
     )
     document = identified(task)
     if output is not None:
-        request = {
-            "plant": document["plant"],
-            "uncertainty": document["uncertainty"],
-            "performance": {"max_peak": 2.0, "offset": 0.0},
-            "controller": {"kind": "PI", "arrangement": "independent"},
-            "objective": "tau_p",
-        }
+        request = _request(document, as_scenarios=as_scenarios)
         replace_text(output, json.dumps(request, indent=2, allow_nan=False) + "\n")
         say(f"{output}: a tuning request")
     if as_json:
@@ -80,6 +79,32 @@ def identify_files(
 
         show(ANALYSIS.table(ANALYSIS.result.model_validate(document)))
     return ExitCode.DONE
+
+
+def _request(document: dict[str, Any], *, as_scenarios: bool) -> dict[str, Any]:
+    """Return the tuning request of an identification.
+
+    What units and records of their own tell is in the weight, or each is a scenario beside the
+    nominal plant, with the weight of what else errs.
+    """
+    request = {
+        "plant": document["plant"],
+        "uncertainty": document["uncertainty"],
+        "performance": {"max_peak": 2.0, "offset": 0.0},
+        "controller": {"kind": "PI", "arrangement": "independent"},
+        "objective": "tau_p",
+        "origin": document["origin"],
+    }
+    if as_scenarios and document["alternatives"]:
+        request["uncertainty"] = document["own_uncertainty"]
+        request["scenarios"] = [
+            {**one, "name": one["name"][:LONGEST_NAME]} for one in document["alternatives"]
+        ]
+    return request
+
+
+def _digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def _names(text: str, option: str) -> list[str]:

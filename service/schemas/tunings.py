@@ -24,6 +24,7 @@ from service.schemas.given_loops import default_scales
 from service.schemas.loop_forms import GivenLoop, given_loops
 from service.schemas.mixing import Mixing
 from service.schemas.model_tolerance import ModelTolerance
+from service.schemas.origin import Origin
 from service.schemas.peaks import CURVES_EXAMPLE, Curves, Guarantee, Peaks
 from service.schemas.plants import Plant
 from service.schemas.scenarios import (
@@ -174,6 +175,12 @@ class TuningRequest(RecordedRequest):
         description="Today's settings, one entry a unit; the result tells what they do, beside "
         "its own.",
         examples=[None],
+    )
+    origin: Origin | None = Field(
+        default=None,
+        description="Records that the plant and its uncertainty come from; the report shows it.",
+        examples=[None],
+        json_schema_extra={"x-record": True},
     )
     objective: Literal["tau_p", "mu"] = Field(
         default="tau_p",

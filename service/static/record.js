@@ -124,7 +124,7 @@ function fitted(name, columns, signal, go) {
 }
 
 /** @param {string} name @param {any} found @param {Column[]} columns @param {(hash: string) => void} go */
-function handOn(name, { plant, uncertainty, epsilon, theta, outputs }, columns, go) {
+function handOn(name, { plant, uncertainty, epsilon, theta, outputs, origin }, columns, go) {
   const { num, den } = uncertainty.weight;
   // The weight of an error and a time scale is told by these two, which can be moved.
   const same = (a, b) => Math.abs(a - b) <= 1e-9 * Math.abs(b);
@@ -132,7 +132,7 @@ function handOn(name, { plant, uncertainty, epsilon, theta, outputs }, columns, 
     && same(den[0] / den[1], theta / 2) && same(num[1] / den[1], epsilon);
   const unitOf = (/** @type {string} */ output) => columns.find((column) => column.name === output)?.unit ?? null;
   const body = {
-    ...initial(operation("/v1/tunings").input), title: name.replace(/\.csv$/i, ""), time_unit: timeUnit(), plant,
+    ...initial(operation("/v1/tunings").input), title: name.replace(/\.csv$/i, ""), time_unit: timeUnit(), plant, origin,
     uncertainty: simple ? { epsilon, theta, structure: uncertainty.structure } : uncertainty,
     instruments: outputs.map((/** @type {string} */ tag) => ({ tag, output_unit: unitOf(tag) })),
   };

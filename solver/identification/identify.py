@@ -2,27 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from solver.identification.equality import Equality, test_equality
+from solver.identification.feedback import followed
 from solver.identification.findings import FittedElement, fitted_elements
-from solver.identification.problem import (
-    PlantStructure,
-    Start,
-    limits,
-    matrix_rows,
-    parallel_row,
-    starts,
-)
+from solver.identification.job import Job, fits_by_record
+from solver.identification.prediction import Prediction, predictions
+from solver.identification.problem import PlantStructure, Start, limits
 from solver.identification.record import Record
-from solver.identification.record_checks import check_excitation, check_records
-from solver.identification.row import Nuisance
+from solver.identification.record_checks import check_records
 from solver.identification.row_fit import RowFit, fit_row, refit_row
 from solver.identification.selection import Allowed
-from solver.identification.uncertainty import Cover, Family, cover_family, row_responses
+from solver.identification.uncertainty import (
+    Cover,
+    Family,
+    cover_family,
+    matrix_responses,
+    row_responses,
+)
 from solver.model.errors import InvalidInputError, UnsupportedPlantError
 from solver.model.plants import MAX_MATRIX_SIZE, MatrixPlant, ParallelPlant
 from solver.model.validation import choice, flag, instance, instances, integer
@@ -32,44 +33,28 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from solver.identification.row import Row
     from solver.model.plants import Plant
 
-__all__ = ["Identification", "Prediction", "identify"]
+__all__ = ["Alternative", "Identification", "identify"]
 
-# A start that moves by so many standard deviations of its scatter before any input does is no rest.
-MOVING = 6.0
-QUIET_SAMPLES = 8
 POOR = 50.0  # per cent of normalised fit
 
 
 @dataclass(frozen=True, eq=False)
-class Prediction:
-    """One output of one record against the plant.
+class Alternative:
+    """A plant that units or records of their own tell, beside the nominal one.
 
     Attributes
     ----------
-    record, output : str
-        Names.
-    kept_back : bool
-        Whether the fit has not seen this record.
-    normalised_fit : float
-        100 (1 - |y - y_hat| / |y - mean y|) per cent, each record with an offset of its own.
-    time, measured, predicted : (k,) ndarray
-        Readings with their times.
-    spikes : int
-        Readings left out as spikes.
+    name : str
+        Whose it is.
+    plant : Plant
+        With the forms of the nominal plant.
 
     """
 
-    record: str
-    output: str
-    kept_back: bool
-    normalised_fit: float
-    time: NDArray[np.float64]
-    measured: NDArray[np.float64]
-    predicted: NDArray[np.float64]
-    spikes: int
+    name: str
+    plant: Plant
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,8 +75,9 @@ class Identification:
         Of each output in each record.
     equality : Equality or None
         Of a parallel plant with two units or more, whether the units are the same.
-    unit_plant : MatrixPlant or None
-        Of such a plant up to 10 units, each unit with elements of its own.
+    alternatives : tuple of Alternative
+        What the spread consists of: each unit with elements of its own where units that share
+        theirs differ, and the plant of each record. Scenarios of a tuning with `cover.own`.
     cover : Cover
         The errors and the weight above them.
     begins : tuple of Start
@@ -110,7 +96,7 @@ class Identification:
     elements: tuple[FittedElement, ...]
     predictions: tuple[Prediction, ...]
     equality: Equality | None
-    unit_plant: MatrixPlant | None
+    alternatives: tuple[Alternative, ...]
     cover: Cover
     begins: tuple[Start, ...]
     advice: tuple[str, ...]
@@ -131,18 +117,15 @@ class Identification:
             rad per time unit.
 
         """
-        n = len(self.inputs)
-        parts = row_responses(self.fits, [f.draws(count, generator) for f in self.fits], omega)
-        if self.structure is PlantStructure.MATRIX:
-            return np.moveaxis(parts, -1, 1)
-        g, i = parts[:, 0, 0], parts[:, 0, -1]
-        return np.where(np.eye(n, dtype=bool), g[..., None, None], i[..., None, None])
+        drawn = [fit.draws(count, generator) for fit in self.fits]
+        parts = row_responses(self.fits, drawn, omega)
+        return matrix_responses(parts, self.structure, len(self.inputs))
 
 
 def identify(
     records: Sequence[Record],
     *,
-    structure: PlantStructure | Literal["parallel", "matrix"] = PlantStructure.MATRIX,
+    structure: PlantStructure | Literal["parallel", "units", "matrix"] = PlantStructure.MATRIX,
     allowed: Allowed = Allowed(),  # noqa: B008 - frozen
     validation: Sequence[Record] = (),
     drift: bool = False,
@@ -155,7 +138,8 @@ def identify(
     records : sequence of Record
         With as many inputs as outputs; all the same signals.
     structure : PlantStructure or str
-        PARALLEL: g and i shared by all units. MATRIX: every element of its own.
+        PARALLEL: g and i shared by all units. UNITS: each unit with a g and an i of its own, the
+        other inputs having the same effect on it. MATRIX: every element of its own.
     allowed : Allowed
         Forms of the elements.
     validation : sequence of Record
@@ -182,186 +166,82 @@ def identify(
         message = "must not be negative"
         raise InvalidInputError(message, "/seed")
     inputs, outputs = check_records(records, validation)
-    if structure is PlantStructure.MATRIX and len(inputs) > MAX_MATRIX_SIZE:
+    if structure is not PlantStructure.PARALLEL and len(inputs) > MAX_MATRIX_SIZE:
         message = (
             f"a matrix plant has at most {MAX_MATRIX_SIZE} inputs; identical units go as parallel"
         )
         raise InvalidInputError(message, "/structure")
-    begins = starts(records)
+    job = Job.of(records, structure, drift=drift)
     box = limits(records)
-    job = _Job(tuple(records), tuple(begins), drift)
-    if structure is PlantStructure.PARALLEL:
-        fits = [fit_row(job.parallel(), allowed, box)]
-    else:
-        fits = [fit_row(row, allowed, box) for row in job.matrix()]
+    fits = [fit_row(row, allowed, box) for row in job.rows()]
     _refuse_runaway(fits, records)
-    if structure is PlantStructure.PARALLEL:
-        return _parallel(job, fits[0], inputs, outputs, validation=validation, seed=seed)
-    return _matrix(job, fits, inputs, outputs, validation=validation, seed=seed)
-
-
-@dataclass(frozen=True, eq=False)
-class _Job:
-    records: tuple[Record, ...]
-    begins: tuple[Start, ...]
-    drift: bool
-
-    def _with_nuisance(self, row: Row) -> Row:
-        moving = any(not _rests(segment.time, segment.output, segment.changes)
-                     for segment in row.segments)  # fmt: skip
-        return replace(row, nuisance=Nuisance(drift=self.drift, unknown_start=moving))
-
-    def parallel(self, units: Sequence[int] | None = None) -> Row:
-        return self._with_nuisance(parallel_row(self.records, self.begins, units))
-
-    def matrix(self) -> list[Row]:
-        return [self._with_nuisance(row) for row in matrix_rows(self.records, self.begins)]
-
-    def alone(self, index: int) -> _Job:
-        return _Job((self.records[index],), (self.begins[index],), self.drift)
-
-
-def _parallel(
-    job: _Job,
-    fit: RowFit,
-    inputs: tuple[str, ...],
-    outputs: tuple[str, ...],
-    *,
-    validation: Sequence[Record],
-    seed: int,
-) -> Identification:
     n = len(inputs)
-    process = fit.elements[0].transfer_function()
-    interaction = fit.elements[1].transfer_function() if n > 1 else process
-    plant = ParallelPlant(n, process, interaction)
-    units: list[RowFit] = []
-    equality = None
-    if n > 1:
-        equality = test_equality(fit)
-        kinds, shapes = fit.solved.kinds, fit.solved.shapes
-        units = [refit_row(job.parallel([unit]), kinds, shapes, fit.limits) for unit in range(n)]
-    unit_plant = None
-    if 1 < n <= MAX_MATRIX_SIZE:
-        functions = [[e.transfer_function() for e in unit.elements] for unit in units]
-        unit_plant = MatrixPlant(
-            [[functions[r][0 if r == c else 1] for c in range(n)] for r in range(n)]
-        )
-    members = {
-        f"unit {name}": [unit] for name, unit in zip(outputs, units, strict=False)
-    } | _by_record(job, [fit])
-    cover = cover_family(Family([fit], members, parallel=n), seed)
-    names = ("own input", "another input")[: min(n, 2)]
-    elements = fitted_elements(fit, "each output", names, seed)
-    predictions = _predictions(job, [fit], outputs, kept_back=False)
-    predictions += _validated(job, [fit], validation, outputs)
-    advice = _advice(elements, predictions, cover, equality)
-    return Identification(
-        plant, PlantStructure.PARALLEL, inputs, outputs, elements, tuple(predictions), equality,
-        unit_plant, cover, job.begins, advice, (fit,),
-    )  # fmt: skip
-
-
-def _matrix(
-    job: _Job,
-    fits: list[RowFit],
-    inputs: tuple[str, ...],
-    outputs: tuple[str, ...],
-    *,
-    validation: Sequence[Record],
-    seed: int,
-) -> Identification:
-    plant = MatrixPlant([[e.transfer_function() for e in fit.elements] for fit in fits])
+    by_record = fits_by_record(job, fits)
+    members: dict[str, list[RowFit]] = {}
+    equality, units = None, []
+    if structure is PlantStructure.PARALLEL and n > 1:
+        equality = test_equality(fits[0])
+        kinds, shapes = fits[0].solved.kinds, fits[0].solved.shapes
+        units = [refit_row(row, kinds, shapes, fits[0].limits) for row in job.units()]
+        members |= {f"unit {name}": [unit] for name, unit in zip(outputs, units, strict=True)}
+    cover = cover_family(Family(fits, members | by_record, structure, n), seed)
+    if structure is PlantStructure.MATRIX:
+        named = [(output, inputs) for output in outputs]
+    else:
+        pair = ("own input", "another input")[: min(n, 2)]
+        names = outputs if structure is PlantStructure.UNITS else ("each output",)
+        named = [(output, pair) for output in names]
     elements = tuple(
         element
-        for fit, output in zip(fits, outputs, strict=True)
-        for element in fitted_elements(fit, output, inputs, seed)
+        for fit, (output, ins) in zip(fits, named, strict=True)
+        for element in fitted_elements(fit, output, ins, seed)
     )
-    cover = cover_family(Family(fits, _by_record(job, fits), parallel=None), seed)
-    predictions = _predictions(job, fits, outputs, kept_back=False)
-    predictions += _validated(job, fits, validation, outputs)
-    advice = _advice(elements, predictions, cover, None)
+    found = predictions(job, fits, kept_back=False)
+    if validation:
+        other = Job.of(validation, structure, drift=drift)
+        found += predictions(other, fits, kept_back=True)
+    alternatives = [Alternative(name, _plant(own, structure, n)) for name, own in by_record.items()]
+    if equality is not None and not equality.plausible and n <= MAX_MATRIX_SIZE:
+        own_units = Alternative("each unit its own", _plant(units, PlantStructure.UNITS, n))
+        alternatives.insert(0, own_units)
+    advice = _advice(records, elements, found, cover)
+    if equality is not None and not equality.plausible:
+        advice.insert(0, _differ(equality, fits[0], units, outputs))
     return Identification(
-        plant, PlantStructure.MATRIX, inputs, outputs, elements, tuple(predictions), None,
-        None, cover, job.begins, advice, tuple(fits),
+        _plant(fits, structure, n), structure, inputs, outputs, elements, tuple(found), equality,
+        tuple(alternatives), cover, job.begins, tuple(advice), tuple(fits),
     )  # fmt: skip
 
 
-def _by_record(job: _Job, fits: list[RowFit]) -> dict[str, list[RowFit]]:
-    """Return fits of each record alone, those records that move every input."""
-    if len(job.records) == 1:
-        return {}
-    found = {}
-    for index, record in enumerate(job.records):
-        try:
-            check_excitation([record])
-        except InvalidInputError:
-            continue
-        alone = job.alone(index)
-        rows = [alone.parallel()] if len(fits) < len(record.outputs) else alone.matrix()
-        found[f"record {record.name}"] = [
-            refit_row(row, fit.solved.kinds, fit.solved.shapes, fit.limits)
-            for row, fit in zip(rows, fits, strict=True)
-        ]
-    return found
+def _plant(fits: Sequence[RowFit], structure: PlantStructure, n: int) -> Plant:
+    functions = [[e.transfer_function() for e in fit.elements] for fit in fits]
+    if structure is PlantStructure.PARALLEL:
+        return ParallelPlant(n, functions[0][0], functions[0][-1])
+    if structure is PlantStructure.UNITS:
+        return MatrixPlant(
+            [[functions[r][0 if r == c else -1] for c in range(n)] for r in range(n)]
+        )
+    return MatrixPlant(functions)
 
 
-def _predictions(
-    job: _Job, fits: list[RowFit], outputs: tuple[str, ...], *, kept_back: bool
-) -> list[Prediction]:
-    parallel = len(fits) < len(outputs)
-    rows = [job.parallel()] if parallel else job.matrix()
-    found = []
-    for row, fit in zip(rows, fits, strict=True):
-        if not kept_back:
-            row = fit.row.plain()  # noqa: PLW2901 - without the fit's spikes
-        solved = replace(row.solve(fit.solved.kinds, fit.solved.shapes), gains=fit.solved.gains)
-        own = row.own_parts(solved)
-        for segment, block, part in zip(row.segments, solved.blocks, own, strict=True):
-            predicted = block @ solved.gains + part
-            seen = segment.weight > 0
-            left = (segment.output - predicted)[seen]
-            spread = segment.output[seen] - segment.output[seen].mean()
-            found.append(
-                Prediction(
-                    job.records[segment.record].name,
-                    outputs[segment.unit],
-                    kept_back,
-                    100 * (1 - float(np.linalg.norm(left) / np.linalg.norm(spread))),
-                    segment.time + job.records[segment.record].time[0],
-                    segment.output,
-                    predicted,
-                    int(np.count_nonzero(~seen)),
-                )
-            )
-    return found
-
-
-def _validated(
-    job: _Job, fits: list[RowFit], validation: Sequence[Record], outputs: tuple[str, ...]
-) -> list[Prediction]:
-    if not validation:
-        return []
-    other = _Job(tuple(validation), tuple(starts(validation)), job.drift)
-    return _predictions(other, fits, outputs, kept_back=True)
-
-
-def _rests(
-    time: NDArray[np.float64],
-    output: NDArray[np.float64],
-    changes: tuple[tuple[NDArray[np.float64], NDArray[np.float64]], ...],
-) -> bool:
-    """Whether an output rests while no input has moved yet, as far as the record shows it."""
-    first = min((float(at[0]) for at, _ in changes if at.size), default=float(time[-1]))
-    quiet = time < first
-    if np.count_nonzero(quiet) < QUIET_SAMPLES:
-        return True
-    t, y = time[quiet], output[quiet]
-    t = (t - t.mean()) / np.ptp(t)
-    slope = float(t @ (y - y.mean()) / (t @ t))
-    left = y - y.mean() - slope * t
-    # Coloured noise wanders too: its steps, not its level, are the yardstick's floor.
-    error = float(np.linalg.norm(left)) / max(float(np.linalg.norm(t)) * np.sqrt(t.size), 1e-300)
-    return bool(abs(slope) <= max(MOVING * error, 0.05 * float(np.ptp(output))))
+def _differ(
+    equality: Equality, shared: RowFit, units: Sequence[RowFit], outputs: tuple[str, ...]
+) -> str:
+    """Return by how much each unit's own element differs from the shared one, in words."""
+    common = shared.elements[0]
+    words = []
+    for name, unit in zip(outputs, units, strict=True):
+        own = unit.elements[0]
+        parts = [f"gain {100 * (own.gains[0] / common.gains[0] - 1):+.0f} %"]
+        if common.lag:
+            parts.append(f"time constant {100 * (own.lag / common.lag - 1):+.0f} %")
+        parts.append(f"dead time {own.dead_time - common.dead_time:+.2g}")
+        words.append(f"{name}: {', '.join(parts)}")
+    return (
+        "the units differ by more than noise (probability "
+        f"{equality.probability:.2g} if they were the same). Own input against the shared element: "
+        f"{'; '.join(words)}. The weight holds the difference; as a scenario it costs less"
+    )
 
 
 def _refuse_runaway(fits: list[RowFit], records: Sequence[Record]) -> None:
@@ -388,23 +268,23 @@ def _refuse_runaway(fits: list[RowFit], records: Sequence[Record]) -> None:
 
 
 def _advice(
+    records: Sequence[Record],
     elements: tuple[FittedElement, ...],
-    predictions: list[Prediction],
+    found: list[Prediction],
     cover: Cover,
-    equality: Equality | None,
-) -> tuple[str, ...]:
-    found = [f"{e.output}, {e.input}: {e.test}" for e in elements if e.test]
-    found += [
+) -> list[str]:
+    advice = [
+        f"{name} of {record.name} follows the readings ({100 * share:.0f} % of its moves): it was "
+        "under control. Disturbances that the controller answered bias this fit; move the "
+        "set point by much more than they move the output, or record the loop in manual"
+        for record in records
+        for name, share in followed(record).items()
+    ]
+    advice += [f"{e.output}, {e.input}: {e.test}" for e in elements if e.test]
+    advice += [
         f"{one.output} of {one.record} is explained to {one.normalised_fit:.0f} % only: look for "
         "inputs that were not recorded, a wrong column or a nonlinear stretch"
-        for one in predictions
+        for one in found
         if one.normalised_fit < POOR
     ]
-    if equality is not None and not equality.plausible:
-        found.append(
-            "the units differ by more than noise (probability "
-            f"{equality.probability:.2g} if they were the same): the weight holds the difference; "
-            "or tune with each unit as a scenario, or as a matrix plant"
-        )
-    found.extend(cover.advice)
-    return tuple(found)
+    return [*advice, *cover.advice]

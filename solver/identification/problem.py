@@ -30,9 +30,13 @@ __all__ = [
 
 
 class PlantStructure(StrEnum):
-    """Which elements are the same: PARALLEL shares g and i, in a MATRIX each is its own."""
+    """Which elements are the same.
+
+    PARALLEL shares g and i, of UNITS each has its own two, in a MATRIX each element is its own.
+    """
 
     PARALLEL = "parallel"
+    UNITS = "units"
     MATRIX = "matrix"
 
 

@@ -1,4 +1,4 @@
-"""Records from text files of columns: any delimiter, decimal point or comma, time stamps.
+"""Records from files of columns: text with any delimiter, decimal point or comma, time stamps.
 
 Python's `csv` splits the lines; what a cell means is decided here, so that an error can name file,
 line and column.
@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from solver.identification.columns import place_of
+from solver.identification.parquet import read_columns
 from solver.identification.record import Record
 from solver.model.errors import InvalidInputError
 
@@ -28,13 +30,14 @@ __all__ = ["read_record"]
 
 _DELIMITERS = ";\t|,"  # a comma last: it may be the decimal sign of the others
 _LOOKED_AT = 50
+_PARQUET = {".parquet", ".pq"}
 _GAPS = {"", "nan", "na", "n/a", "null", "none", "-", "--", "bad", "#n/a"}
 _NUMBER = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?")
 _TIME_OF_DAY = re.compile(r"\d{1,2}:\d\d:\d\d(\.\d+)?")
-_UNIT = re.compile(r"\s*[(\[][^)\]]*[)\]]\s*$")
 _STAMPS = (
     "%d.%m.%Y %H:%M:%S.%f", "%d.%m.%Y %H:%M:%S", "%d.%m.%Y %H:%M",
     "%Y/%m/%d %H:%M:%S.%f", "%Y/%m/%d %H:%M:%S", "%Y/%m/%d %H:%M",
+    "%m/%d/%Y %I:%M:%S.%f %p", "%m/%d/%Y %I:%M:%S %p", "%m/%d/%Y %I:%M %p",
     "%H:%M:%S.%f", "%H:%M:%S",
 )  # fmt: skip
 _DAY = 86400.0
@@ -66,6 +69,9 @@ class _Table:
             message = f"{self.name} is empty"
             raise InvalidInputError(message)
         self.heads = self._take_heads()
+        if not self.rows:
+            message = f"{self.name} has heads and no samples"
+            raise InvalidInputError(message)
         width = len(self.heads)
         for line, row in zip(self.lines, self.rows, strict=True):
             # Some loggers end each line with a delimiter.
@@ -90,21 +96,6 @@ class _Table:
     def _is_value(self, cell: str) -> bool:
         return cell.lower() in _GAPS or bool(_NUMBER.fullmatch(cell)) or _stamp(cell) is not None
 
-    def column(self, wanted: str) -> int:
-        """Return the place of a column by its head, with or without unit, or by its number."""
-        plain = [_UNIT.sub("", head) for head in self.heads]
-        folded = [name.casefold() for name in plain]
-        for names, key in ((self.heads, wanted), (plain, wanted), (folded, wanted.casefold())):
-            found = [index for index, name in enumerate(names) if name == key]
-            if len(found) > 1:
-                places = ", ".join(str(index + 1) for index in found)
-                message = f"{self.name}: {wanted!r} names the columns {places}; rename one"
-                raise InvalidInputError(message)
-            if found:
-                return found[0]
-        message = f"{self.name} has no column {wanted!r}; it has {', '.join(map(repr, self.heads))}"
-        raise InvalidInputError(message)
-
     def numbers(self, place: int) -> NDArray[np.float64]:
         """Return a column of numbers; gaps are NaN."""
         values = np.empty(len(self.rows))
@@ -119,7 +110,8 @@ class _Table:
 
     def times(self, place: int) -> NDArray[np.float64]:
         """Return a column of times: numbers, or time stamps in seconds from the first."""
-        if _stamp(self.rows[0][place]) is None or _NUMBER.fullmatch(self.rows[0][place]):
+        first = self.rows[0][place]
+        if _NUMBER.fullmatch(first) or first.lower() in _GAPS:
             values = self.numbers(place)
             bad = ~np.isfinite(values)
         else:
@@ -133,7 +125,7 @@ class _Table:
             index = int(np.argmax(bad))
             message = (
                 f"{self._where(index, place)}: {self.rows[index][place]!r} is no time "
-                "(numbers, 2026-01-31 13:45:00 or 31.01.2026 13:45:00)"
+                "(numbers, 2026-01-31 13:45:00, 31.01.2026 13:45:00 or 1/31/2026 1:45:00 PM)"
             )
             raise InvalidInputError(message)
         return np.asarray(values)
@@ -144,6 +136,8 @@ class _Table:
         if _NUMBER.fullmatch(cell) and self.delimiter != ",":
             return float(cell.replace(",", "."))
         message = f"{self._where(index, place)}: {cell!r} is no number"
+        if _NUMBER.fullmatch(cell):  # or is it a comma of thousands?
+            message += " where commas part the cells: write decimal points, or part by semicolons"
         raise InvalidInputError(message)
 
     def _where(self, index: int, place: int) -> str:
@@ -170,14 +164,20 @@ def read_record(path: Path, *, time: str, inputs: Sequence[str], outputs: Sequen
         a record that cannot be used.
 
     """
-    table = _Table(path)
     wanted = [time, *inputs, *outputs]
     for name in wanted:
         if wanted.count(name) > 1:
             message = f"{name!r} is named twice"
             raise InvalidInputError(message)
-    times = table.times(table.column(time))
-    columns = {name: table.numbers(table.column(name)) for name in wanted[1:]}
+    table = None
+    if path.suffix.lower() in _PARQUET:
+        times, columns = read_columns(path, time, wanted[1:])
+    else:
+        table = _Table(path)
+        times = table.times(place_of(table.heads, time, table.name))
+        columns = {
+            name: table.numbers(place_of(table.heads, name, table.name)) for name in wanted[1:]
+        }
     try:
         return Record.with_gaps(
             times,
@@ -186,15 +186,20 @@ def read_record(path: Path, *, time: str, inputs: Sequence[str], outputs: Sequen
             path.stem,
         )
     except InvalidInputError as error:
-        message = f"{table.name}{_place(error.field, table)}: {error.message}"
+        message = f"{path.name}{_place(error.field, table)}: {error.message}"
         raise InvalidInputError(message) from None
 
 
-def _place(field: str, table: _Table) -> str:
-    last = field.rpartition("/")[2]
-    if last.isdigit() and int(last) < len(table.lines):
-        return f", line {table.lines[int(last)]}"
-    return ""
+def _place(field: str, table: _Table | None) -> str:
+    """Return where the sample that a fault names stands in the file."""
+    parts = field.split("/")
+    column = f", column {parts[2]!r}" if parts[1:2] in (["inputs"], ["outputs"]) else ""
+    if not (parts[-1].isdigit() and len(parts) > 2):
+        return column
+    row = int(parts[-1])
+    if table is None:
+        return f", row {row + 1}{column}"
+    return f", line {table.lines[row]}{column}" if row < len(table.lines) else column
 
 
 def _decoded(raw: bytes) -> str:

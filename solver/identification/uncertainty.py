@@ -12,6 +12,7 @@ from solver.identification.cover import cover, cover_by_error
 from solver.identification.elements import frequency_responses
 from solver.identification.errors import ErrorCurve, matrix_errors, parallel_errors
 from solver.identification.neglected import neglected
+from solver.identification.problem import PlantStructure
 from solver.model.weights import Structure, Uncertainty
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 
     from solver.identification.row_fit import RowFit
 
-__all__ = ["Cover", "Family", "cover_family", "row_responses"]
+__all__ = ["Cover", "Family", "cover_family", "matrix_responses", "row_responses"]
 
 FREQUENCIES = 160
 # Plants drawn: with 4 coefficients of a weight above all of 800, the next plant is below with 99.4
@@ -43,14 +44,17 @@ class Family:
         Row by row; one of a parallel plant.
     members : mapping of str to list of RowFit
         The same forms fitted to parts of the data: units, records.
-    parallel : int or None
-        Number of units; None: a matrix.
+    structure : PlantStructure
+        Which elements the rows hold.
+    n : int
+        Number of inputs.
 
     """
 
     nominal: list[RowFit]
     members: Mapping[str, list[RowFit]]
-    parallel: int | None
+    structure: PlantStructure
+    n: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +73,9 @@ class Cover:
         Above all of them: the recommended order.
     orders : tuple of Uncertainty
         The smallest weights of order 0, 1 and 2.
+    own : Uncertainty or None
+        Above what errs of the nominal plant itself, units and records of their own left out: the
+        weight where those are scenarios; None where there are none.
     epsilon, theta : float or None
         The smallest weight of that form; None where errors reach 2, which it cannot.
     advice : tuple of str
@@ -81,6 +88,7 @@ class Cover:
     total: NDArray[np.float64]
     weight: Uncertainty
     orders: tuple[Uncertainty, ...]
+    own: Uncertainty | None
     epsilon: float | None
     theta: float | None
     advice: tuple[str, ...]
@@ -101,36 +109,24 @@ def cover_family(family: Family, seed: int) -> Cover:
     lacking = _lacking(family, nominal, omega)
     if lacking is not None:
         curves.append(lacking)
-    total = np.max([curve.size for curve in curves], axis=0)
-    return _covered(omega, tuple(curves), total, family)
+    return _covered(omega, tuple(curves), family)
 
 
-def _covered(
-    omega: NDArray[np.float64],
-    curves: tuple[ErrorCurve, ...],
-    total: NDArray[np.float64],
-    family: Family,
-) -> Cover:
+def _covered(omega: NDArray[np.float64], curves: tuple[ErrorCurve, ...], family: Family) -> Cover:
     advice = []
-    finite = np.isfinite(total)
-    if not np.all(finite):
+    total = np.max([curve.size for curve in curves], axis=0)
+    if not np.all(np.isfinite(total)):
         advice.append(
             "the nominal plant is singular at some frequencies: no weight covers it there"
         )
-    largest = float(np.max(total[finite], initial=0.0))
-    shape = np.where(finite, total, largest)
-    if largest == 0:
-        shape = np.full_like(shape, LEAST)
-    # Between the frequencies of the grid the errors may be larger by what neighbours differ.
-    shape = np.maximum(shape, LEAST)
-    between = np.maximum(shape, np.maximum(np.roll(shape, 1), np.roll(shape, -1)))
-    between[[0, -1]] = shape[[0, -1]]
-    form = Structure.FULL if (family.parallel or len(family.nominal)) > 1 else Structure.DIAGONAL
-    orders = tuple(
-        Uncertainty(cover(omega, between, order, tight_below=HOPELESS, hold_first=order > 0), form)
-        for order in (0, 1, 2)
-    )
-    epsilon, theta = cover_by_error(omega, between) or (None, None)
+    form = Structure.FULL if family.n > 1 else Structure.DIAGONAL
+    shape = _to_cover(total)
+    orders = tuple(_weight(omega, shape, order, form) for order in (0, 1, 2))
+    own = None
+    if family.members:
+        itself = [curve.size for curve in curves if curve.source not in family.members]
+        own = _weight(omega, _to_cover(np.max(itself, axis=0)), 1, form)
+    epsilon, theta = cover_by_error(omega, shape) or (None, None)
     if shape[0] >= TOO_LARGE:
         advice.append(
             f"the relative error at steady state is {shape[0]:.2g}: no integral action holds for "
@@ -138,7 +134,24 @@ def _covered(
             f"{max(curves, key=lambda curve: float(curve.size[0])).source}; take the plants as "
             "scenarios instead, or make the test that is advised"
         )
-    return Cover(omega, curves, total, orders[1], orders, epsilon, theta, tuple(advice))
+    return Cover(omega, curves, total, orders[1], orders, own, epsilon, theta, tuple(advice))
+
+
+def _to_cover(total: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the errors as a weight has to cover them: between the frequencies of the grid too."""
+    finite = np.isfinite(total)
+    shape = np.maximum(np.where(finite, total, np.max(total[finite], initial=0.0)), LEAST)
+    # Between two frequencies the errors may be larger by what neighbours differ.
+    between = np.maximum(shape, np.maximum(np.roll(shape, 1), np.roll(shape, -1)))
+    between[[0, -1]] = shape[[0, -1]]
+    return between
+
+
+def _weight(
+    omega: NDArray[np.float64], shape: NDArray[np.float64], order: int, form: Structure
+) -> Uncertainty:
+    weight = cover(omega, shape, order, tight_below=HOPELESS, hold_first=order > 0)
+    return Uncertainty(weight, form)
 
 
 LEAST = 1e-3  # a weight of zero is none: no valve repeats better than this
@@ -186,12 +199,23 @@ def _curve(
 def _errors(
     family: Family, nominal: NDArray[np.complex128], other: NDArray[np.complex128]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    if family.parallel is not None:
+    if family.structure is PlantStructure.PARALLEL:
         g, G = other[:, 0], nominal[:, 0]
-        if family.parallel == 1:
+        if family.n == 1:
             g, G = np.repeat(g, 2, axis=1), np.repeat(G, 2, axis=1)
-        return parallel_errors(family.parallel, G, g)
-    return matrix_errors(np.moveaxis(nominal[0], -1, 0), np.moveaxis(other, -1, 1))
+        return parallel_errors(family.n, G, g)
+    G, others = (matrix_responses(p, family.structure, family.n) for p in (nominal, other))
+    return matrix_errors(G[0], others)
+
+
+def matrix_responses(
+    parts: NDArray[np.complex128], structure: PlantStructure, n: int
+) -> NDArray[np.complex128]:
+    """Return the matrices, (draws, k, n, n), of which `row_responses` gives the elements."""
+    if structure is PlantStructure.MATRIX:
+        return np.moveaxis(parts, -1, 1)
+    own, other = (np.moveaxis(parts[:, :, place], -1, 1)[..., None] for place in (0, -1))
+    return np.where(np.eye(n, dtype=bool), own, other)
 
 
 def _lacking(

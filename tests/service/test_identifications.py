@@ -1,7 +1,9 @@
 """Identification over HTTP and from files, by the real solver."""
 
+import hashlib
 import json
 from pathlib import Path
+from typing import Any
 
 import httpx
 import pytest
@@ -152,3 +154,42 @@ def test_request_file_is_taken_as_by_every_analysis(tmp_path: Path) -> None:
     done = mutune("identify", path, "--json")
     assert done.exit_code == 0
     IdentificationResult.model_validate_json(done.stdout)
+
+
+def test_spread_goes_as_scenarios_and_the_origin_with_the_request(tmp_path: Path) -> None:
+    """Each record is a scenario with its plant; the digests are those of the files."""
+    target = tmp_path / "request.json"
+    files = [EXAMPLES / f"two_heaters_{name}.csv" for name in ("steps", "random")]
+    assert mutune("identify", *files, *HEATERS, "--scenarios", "-o", target).exit_code == 0
+    request = parse(TuningRequest, target.read_text())
+    assert [one.name for one in request.scenarios] == [
+        "record two_heaters_steps", "record two_heaters_random",
+    ]  # fmt: skip
+    assert len(request.build().scenarios) == 2
+    assert request.origin is not None
+    digests = [hashlib.sha256(path.read_bytes()).hexdigest() for path in files]
+    assert [record.digest for record in request.origin.records] == digests
+    assert len(request.origin.fits) == 4
+    assert request.origin.errors[0].source == "statistical error"
+
+
+def test_digest_over_http_is_of_the_signals(client: httpx.Client) -> None:
+    """The same signals have the same digest, others another."""
+
+    def record(body: object) -> dict[str, Any]:
+        answer = client.post(PATH, json=body, headers=WAIT).json()
+        return dict(answer["result"]["origin"]["records"][0])
+
+    first = record(EXAMPLE)
+    changed = altered(EXAMPLE, "/records/0/outputs/temperature/3", 20.02)
+    assert first["samples"] == 40
+    assert record(EXAMPLE) == first
+    assert record(changed)["digest"] != first["digest"]
+
+
+def test_shared_and_own_units_exclude_each_other() -> None:
+    """One structure is fitted."""
+    done = mutune(
+        "identify", EXAMPLES / "two_heaters_steps.csv", *HEATERS, "--identical", "--own-units"
+    )
+    assert done.exit_code == 2

@@ -6,7 +6,8 @@ tell and which test would, and the smallest uncertainty weight above all errors.
 
 from __future__ import annotations
 
-from typing import Any
+import hashlib
+from typing import TYPE_CHECKING, Any
 
 from service.analyses.identify.models import (
     EXAMPLE,
@@ -20,7 +21,11 @@ from service.analyses.identify.table import table
 from service.analysis import Analysis, Figures, LongWork, OnProgress
 from service.effort import Effort, of_readings
 from service.schemas.encoding import encode
+from service.schemas.origin import MAX_ENTRIES
 from service.schemas.transfer_functions import function_document, plant_document
+
+if TYPE_CHECKING:
+    from solver.identification.record import Record
 
 __all__ = [
     "ANALYSIS",
@@ -74,6 +79,14 @@ def identified(task: IdentificationTask) -> dict[str, Any]:
             "weight": function_document(cover.weight.weight_of(0)),
             "structure": cover.weight.structure.value,
         },
+        "own_uncertainty": cover.own
+        and {
+            "weight": function_document(cover.own.weight_of(0)),
+            "structure": cover.own.structure.value,
+        },
+        "alternatives": [
+            {"name": one.name, "plant": plant_document(one.plant)} for one in found.alternatives
+        ],
         "epsilon": cover.epsilon,
         "theta": cover.theta,
         "inputs": list(found.inputs),
@@ -96,7 +109,45 @@ def identified(task: IdentificationTask) -> dict[str, Any]:
         "errors": encode(cover.curves),
         "weight_magnitude": encode(cover.weight.magnitude(cover.omega)),
         "advice": list(found.advice),
+        "origin": _origin(task, predictions, encode(cover.curves)),
     }
+
+
+def _origin(
+    task: IdentificationTask, predictions: list[dict[str, Any]], curves: list[dict[str, Any]]
+) -> dict[str, Any]:
+    """Return where the plant comes from, as a tuning request takes it."""
+    records = [*task.used, *task.kept_back]
+    digests = task.digests or [_digest(record) for record in records]
+    return {
+        "records": [
+            {
+                "name": record.name[:200], "digest": digest, "samples": record.time.size,
+                "span": record.span, "use": "fit" if index < len(task.used) else "validate",
+            }
+            for index, (record, digest) in enumerate(zip(records, digests, strict=True))
+        ],
+        "fits": [
+            {
+                "record": one["record"][:200], "output": one["output"][:200],
+                "kept_back": one["kept_back"], "normalised_fit": one["normalised_fit"],
+            }
+            for one in predictions[:MAX_ENTRIES]
+        ],
+        "errors": [
+            {"source": curve["source"][:200], "steady_state": curve["size"][0]}
+            for curve in curves[:MAX_ENTRIES]
+        ],
+    }  # fmt: skip
+
+
+def _digest(record: Record) -> str:
+    """Return the digest of a record's signals, in the order in which they are fitted."""
+    text = hashlib.sha256(record.time.astype("<f8").tobytes())
+    for name, values in (*record.inputs.items(), *record.outputs.items()):
+        text.update(name.encode())
+        text.update(values.astype("<f8").tobytes())
+    return text.hexdigest()
 
 
 def draw(result: DrawnIdentification, unit: str) -> dict[str, Any]:

@@ -56,6 +56,7 @@ class IdentificationTask:
     order: int | None
     integrating: bool | None
     drift: bool
+    digests: tuple[str, ...] = ()  # of the files, those kept back last; else of the signals
 
 
 class RecordOfSignals(RequestModel):
@@ -99,9 +100,10 @@ class IdentificationRequest(AnalysisRequest):
     records: Annotated[list[RecordOfSignals], Field(min_length=1, max_length=MAX_RECORDS)] = Field(
         description="Records of the same signals.", examples=[[_RECORD]]
     )
-    structure: Literal["parallel", "matrix"] = Field(
+    structure: Literal["parallel", "units", "matrix"] = Field(
         default="matrix",
-        description="parallel: all units share g and i. matrix: each element is its own.",
+        description="parallel: all units share g and i. units: each has its own two. matrix: each "
+        "element is its own.",
         examples=["matrix"],
     )
     order: Literal["auto", "first", "second"] = Field(
@@ -235,6 +237,16 @@ class WeightResult(ResultModel):
     structure: str = Field(description="diagonal or full.", examples=["full"])
 
 
+class AlternativeResult(ResultModel):
+    """A plant that units or records of their own tell."""
+
+    name: str = Field(description="Whose it is.", examples=["each unit its own"])
+    plant: dict[str, Any] = Field(
+        description="As a scenario of a tuning takes it.",
+        examples=[{"kind": "matrix", "elements": []}],
+    )
+
+
 class IdentificationResult(ResultModel):
     """A plant, what the records tell of it, and the weight that covers its errors."""
 
@@ -245,6 +257,16 @@ class IdentificationResult(ResultModel):
         description="As a tuning request takes it: the smallest first-order weight above all "
         "errors.",
         examples=[{"weight": {"num": [1.0, 0.2], "den": [0.5, 1.0]}, "structure": "full"}],
+    )
+    own_uncertainty: WeightResult | None = Field(
+        description="The same without units and records of their own: for a tuning that has the "
+        "alternatives as scenarios; null where there are none.",
+        examples=[None],
+    )
+    alternatives: list[AlternativeResult] = Field(
+        description="What the spread consists of: each unit its own where units differ, and the "
+        "plant of each record.",
+        examples=[[]],
     )
     epsilon: float | None = Field(
         description="Of the smallest weight of that form; null: errors reach 2, which it cannot.",
@@ -272,6 +294,10 @@ class IdentificationResult(ResultModel):
     )
     weight_magnitude: list[float] = Field(description="|w_I| there.", examples=[[0.2]])
     advice: list[str] = Field(description="What to do next.", examples=[[]])
+    origin: dict[str, Any] = Field(
+        description="As a tuning request takes it: the records' digests, fit and errors.",
+        examples=[{"records": [], "fits": [], "errors": []}],
+    )
 
 
 class DrawnPrediction(Drawn):

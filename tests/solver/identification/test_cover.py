@@ -1,5 +1,7 @@
 """Weights above errors: valid, small, and as good as any of their order."""
 
+import itertools
+
 import numpy as np
 import pytest
 from drawn import Lag, record
@@ -39,6 +41,23 @@ def test_published_family_is_covered_at_every_frequency(order):
     assert ratio.min() < 1 + 1e-6
     assert np.all(weight.poles.real < 0)
     assert np.all(weight.zeros.real < 0)
+
+
+def test_family_of_a_textbook_is_covered_where_its_printed_weight_is_not():
+    """Skogestad and Postlethwaite, section 7.4: gain, lag and dead time between 2 and 3."""
+    omega = np.geomspace(1e-2, 20, 200)
+    s, values = 1j * omega, np.linspace(2, 3, 11)
+    nominal = 2.5 / (2.5 * s + 1)
+    error = np.zeros(omega.size)
+    for gain, lag, dead in itertools.product(values, repeat=3):
+        member = gain * np.exp(-dead * s) / (lag * s + 1)
+        error = np.maximum(error, np.abs(member / nominal - 1))
+    printed = np.abs((4 * s + 0.2) / (1.6 * s + 1)) / error
+    assert printed.min() == pytest.approx(0.87, abs=0.01)
+    for order, largest in ((1, 1.7), (2, 1.65)):
+        ratio = np.abs(cover(omega, error, order).response(omega)) / error
+        assert ratio.min() >= 1
+        assert ratio.max() < largest
 
 
 def test_higher_orders_come_closer():

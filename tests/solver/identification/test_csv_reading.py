@@ -113,3 +113,47 @@ def test_examples_are_read():
     )
     assert record.time.size == 599
     assert record.sampling_period == pytest.approx(1.0, abs=0.01)
+
+
+def test_heads_without_samples_are_refused(tmp_path):
+    """By name, as any fault of a file."""
+    path = tmp_path / "empty.csv"
+    path.write_text("t,u,y\n")
+    with pytest.raises(InvalidInputError, match=r"empty\.csv has heads and no samples"):
+        read_record(path, time="t", inputs=["u"], outputs=["y"])
+
+
+def test_fault_of_a_sample_is_told_with_line_and_column(tmp_path):
+    """A number that no record holds."""
+    path = tmp_path / "large.csv"
+    lines = [f"{k},{k % 7},{k % 5}" for k in range(40)]
+    lines[30] = "30,1,1e300"
+    path.write_text("\n".join(["t,u,y", *lines]))
+    with pytest.raises(InvalidInputError, match=r"large\.csv, line 32, column 'y': no finite"):
+        read_record(path, time="t", inputs=["u"], outputs=["y"])
+
+
+def test_parquet_is_read_as_text_is(tmp_path):
+    """Numbers, nulls, time stamps; other types and doubled names are refused by column."""
+    pa, pq = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    t = np.arange(40.0)
+    u, y = t % 7, [None if k == 9 else float(k) for k in range(40)]
+    stamps = pa.array((t * 1e9).astype("int64"), pa.timestamp("ns"))
+    path = tmp_path / "record.parquet"
+    pq.write_table(pa.table({"t": stamps, "u (%)": u, "y": y}), path)
+    record = read_record(path, time="t", inputs=["u"], outputs=["y"])
+    assert record.time == pytest.approx(t)
+    assert record.observed[0].sum() == 39
+    assert record.inputs["u"] == pytest.approx(u)
+    for table, words in (
+        (pa.table({"t": t, "u": ["a"] * 40, "y": y}), "column 'u': string is no number"),
+        (pa.table([t, u, u, y], names=["t", "u", "u", "y"]), "'u' names the columns 2, 3"),
+        (pa.table({"t": t, "y": y}), "no column 'u'"),
+        (pa.table({"t": t[::-1].copy(), "u": u, "y": y}), "row 2: time goes backwards"),
+    ):
+        pq.write_table(table, path)
+        with pytest.raises(InvalidInputError, match=words):
+            read_record(path, time="t", inputs=["u"], outputs=["y"])
+    path.write_text("PAR1 of nothing")
+    with pytest.raises(InvalidInputError, match=r"record\.parquet"):
+        read_record(path, time="t", inputs=["u"], outputs=["y"])

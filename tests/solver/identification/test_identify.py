@@ -210,3 +210,35 @@ def test_runaway_is_refused():
     y = np.exp(time / 20) + u
     with pytest.raises(UnsupportedPlantError, match="runs away"):
         identify([Record(time, {"u": u}, {"y": y})])
+
+
+def test_units_of_their_own_and_what_differs_in_words():
+    """Each unit's gain comes back, the difference is told, and the plant is an alternative."""
+    one = parallel_record(1, (2.0, 2.4))
+    own = identify([one], structure="units", allowed=Allowed(1, integrating=False))
+    assert own.equality is None
+    assert own.cover.own is None
+    assert [e.output for e in own.elements] == ["y0", "y0", "y1", "y1"]
+    G = own.plant.response(np.array([1e-4]))[0].real
+    assert pytest.approx(np.array([[2.0, 0.8], [0.8, 2.4]]), rel=0.06) == G
+    generator = np.random.default_rng(0)
+    drawn = own.draw(50, generator, own.cover.omega)
+    assert drawn.shape == (50, own.cover.omega.size, 2, 2)
+    assert np.median(np.abs(drawn[:, 0] - G), axis=0).max() < 0.1
+    shared = identify([one], structure="parallel", allowed=Allowed(1, integrating=False))
+    assert [a.name for a in shared.alternatives] == ["each unit its own"]
+    told = next(words for words in shared.advice if "differ by more than noise" in words)
+    assert "y0: gain -" in told
+    assert "y1: gain +" in told
+    # Less errs of the plant itself than of the plant and its units.
+    weights = [
+        np.abs(w.magnitude(shared.cover.omega)) for w in (shared.cover.own, shared.cover.weight)
+    ]
+    assert weights[0][0] < 0.5 * weights[1][0]
+
+
+def test_each_record_is_an_alternative():
+    """Two records of one plant are two plants beside the common one."""
+    found = identify([heaters("steps"), heaters("random")])
+    assert [a.name for a in found.alternatives] == ["record steps", "record random"]
+    assert found.cover.own is not None
