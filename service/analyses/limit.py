@@ -14,7 +14,7 @@ from pydantic import ConfigDict, Field, JsonValue
 
 from service.analysis import Analysis, Figures, LongWork, OnProgress
 from service.beyond import NAMES, alternatives_to_json
-from service.printing import Grid, Line, Part, peaks_grid, warning_lines
+from service.printing import Grid, Line, Part, peaks_grid, proof_lines, warning_lines
 from service.schemas.alternatives import Alternative, LowerBound
 from service.schemas.controllers import Loop
 from service.schemas.drawn import Drawn, DrawnCurves
@@ -90,7 +90,7 @@ class Multivariable(ResultModel):
     )
     guarantee: Guarantee = Field(
         description="What is known of mu over all frequencies.",
-        examples=[{"status": "open", "level": 1.0, "reason": "a dense grid"}],
+        examples=[{"status": "proven", "level": 1.0001, "reason": None}],
     )
 
 
@@ -237,7 +237,7 @@ def table(result: LimitResult) -> list[Part]:
     parts.append(Grid(heads, rows, frozenset({0, 3})))
     if built is not None:
         parts.append(peaks_grid(built.peaks))
-        parts.append(Line(f"Not proven over all frequencies: {built.guarantee.reason}."))
+        parts += proof_lines(None, built.guarantee)
     return [*parts, *warning_lines(result.warnings)]
 
 

@@ -22,10 +22,10 @@ from solver.model.peaks import local_peaks
 from solver.robustness.centralised import (
     CentralisedAnalysis,
     analyse_blocks,
-    best_scales,
     central_blocks,
     centralised_poles,
 )
+from solver.robustness.shared_scales import best_scales
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -360,9 +360,9 @@ def _common(plant: Plant) -> TransferFunction | None:
 
 def _shape(element: TransferFunction) -> tuple[tuple[float, ...], tuple[float, ...], float]:
     """Everything but the gain."""
-    scale = element.num[-1] or 1.0
+    scale = element.num[0]
     num = tuple(np.round(np.array(element.num) / scale, 12).tolist())
-    den = tuple(np.round(np.array(element.den) / element.den[-1], 12).tolist())
+    den = tuple(np.round(np.array(element.den) / element.den[0], 12).tolist())
     return num, den, element.dead_time
 
 

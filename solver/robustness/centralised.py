@@ -3,15 +3,12 @@
 N_RP = [[w_I C S G, w_I C S], [w_P S G, w_P S]] with C any matrix: Skogestad, Lundstrom and Hovd
 (1989), eq. 31. A parallel controller on a parallel plant splits as the plant does, into the sum of
 all units and their differences, which share one D-scale: two scalar blocks for any number of
-units. There N is of rank one, and with x = d^2 a block demands
-
-    (alpha x + beta) (1 + gamma/x) <= mu^2,   alpha = |w_I C S|^2, beta = |w_P S|^2, gamma = |G|^2.
+units. The peak of robust performance is proven over all frequencies where a proof is found.
 """
 
 from __future__ import annotations
 
-import itertools
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -29,7 +26,9 @@ from solver.model.state_space import StateSpace
 from solver.model.validation import instance
 from solver.mu.scaling import upper_bound
 from solver.mu.structure import BlockStructure, sigma_max
-from solver.robustness.record import Curves, Guarantee, GuaranteeStatus, Peaks
+from solver.robustness.full_proof import prove
+from solver.robustness.record import Curves, Guarantee, Peaks
+from solver.robustness.shared_scales import best_scales
 from solver.stability.closed_loop import INFINITELY_MANY
 from solver.stability.encirclements import LoopBatch, count_unstable
 
@@ -45,7 +44,6 @@ __all__ = [
     "CentralisedAnalysis",
     "analyse_blocks",
     "analyse_centralised",
-    "best_scales",
     "central_blocks",
     "centralised_poles",
 ]
@@ -61,66 +59,6 @@ FullController = StateSpace | MatrixPlant | ModeController
 def central_blocks(plant: Plant, uncertainty: Uncertainty) -> LoopBlocks:
     """Return the blocks of a plant under a full controller: two modes, or the whole matrix."""
     return reduce(plant, plant.kinds, uncertainty)
-
-
-def best_scales(
-    blocks: LoopBlocks,
-    matrices: list[NDArray[np.complex128]],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Upper bound of mu over all blocks, and the scales that prove it.
-
-    Parameters
-    ----------
-    blocks : LoopBlocks
-        As of `central_blocks`.
-    matrices : list of (k, 2 m, 2 m) complex
-        N of each block.
-
-    Returns
-    -------
-    mu : (k,)
-        min over D of the greatest sigma_max(D N D^-1).
-    x : (k, scales)
-        Squared scales.
-
-    """
-    if not blocks.plant.interchangeable:
-        block = blocks.blocks[0]
-        bound = upper_bound(matrices[0], BlockStructure(block.scales, block.size))
-        return bound.mu, bound.d**2
-    squares = [np.abs(N) ** 2 for N in matrices]
-    square, x = _shared_scale(
-        # The terms of |D N D^-1|^2 by powers of x; N is of rank one.
-        np.stack([square[:, 0, 1] for square in squares], axis=-1),
-        np.stack([square[:, 0, 0] + square[:, 1, 1] for square in squares], axis=-1),
-        np.stack([square[:, 1, 0] for square in squares], axis=-1),
-    )
-    return np.sqrt(square), x[:, None]
-
-
-def _shared_scale(
-    rise: NDArray[np.float64], level: NDArray[np.float64], fall: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Least over x of the greatest rise x + level + fall/x of each row (k, blocks), and x.
-
-    Each is quasi-convex, so the least of the greatest is at a minimum of one or where two cross.
-    """
-    tiny = np.finfo(float).tiny
-
-    def greatest(x: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.asarray((rise * x[:, None] + level + fall / x[:, None]).max(axis=1))
-
-    points = [np.sqrt((fall[:, j] + tiny) / (rise[:, j] + tiny)) for j in range(rise.shape[1])]
-    for i, j in itertools.combinations(range(rise.shape[1]), 2):
-        a, b, c = (each[:, i] - each[:, j] for each in (rise, level, fall))
-        root = b + np.copysign(np.sqrt(np.maximum(b * b - 4 * a * c, 0)), b)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            for x in (-root / (2 * a), -2 * c / root):
-                points.append(np.where(np.isfinite(x) & (x > 0), x, points[0]))
-    values = np.stack([greatest(x) for x in points])
-    best = values.argmin(axis=0)
-    each = np.arange(best.size)
-    return values[best, each], np.stack(points)[best, each]
 
 
 @dataclass(frozen=True)
@@ -219,8 +157,8 @@ class Centralised:
 
     `unstable_poles` counts those of the closed loop with a real part >= 0, `nominally_stable`
     says that there are none, and `warnings` what to look at twice. With any, `peaks`,
-    `curves` and `guarantee` are None: mu has no meaning then. The guarantee is open: the peak is
-    the highest value met on a dense grid of the whole axis, refined, and no proof is attempted.
+    `curves` and `guarantee` are None: mu has no meaning then. The guarantee is of the peak of
+    robust performance; None where no proof was asked for.
     """
 
     nominally_stable: bool
@@ -232,7 +170,12 @@ class Centralised:
 
 
 def analyse_centralised(
-    plant: Plant, uncertainty: Uncertainty, performance: Performance, controller: FullController
+    plant: Plant,
+    uncertainty: Uncertainty,
+    performance: Performance,
+    controller: FullController,
+    *,
+    proof: bool = True,
 ) -> Centralised:
     """Analyse a full controller.
 
@@ -244,12 +187,14 @@ def analyse_centralised(
         The weights; `performance.tau_p` is needed.
     controller : StateSpace, MatrixPlant (a transfer matrix) or ModeController
         u = C e, e the set-point error. A mode controller is for a parallel plant.
+    proof : bool
+        Whether to prove the peak of robust performance over all frequencies, and the stability.
 
     Raises
     ------
     InvalidInputError
-        No `tau_p`, unlike `output_scale` or uncertainty of the inputs, or a controller of another
-        size than the plant.
+        No `tau_p`, unlike `output_scale` or uncertainty of the inputs, a controller of another
+        size than the plant, or with a pole on the imaginary axis other than s = 0.
     UnsupportedPlantError
         The plant is open-loop unstable.
 
@@ -265,7 +210,9 @@ def analyse_centralised(
     instance(controller, FullController, "/controller")
     require_supported(plant)
     blocks, controllers = _paired(plant, uncertainty, controller)
-    return analyse_blocks(blocks, controllers, uncertainty, performance)
+    for each in controllers:
+        _require_no_oscillator(each)
+    return analyse_blocks(blocks, controllers, uncertainty, performance, proof=proof)
 
 
 def analyse_blocks(
@@ -273,6 +220,8 @@ def analyse_blocks(
     controllers: tuple[StateSpace | MatrixPlant, ...],
     uncertainty: Uncertainty,
     performance: Performance,
+    *,
+    proof: bool = True,
 ) -> Centralised:
     """Analyse a full controller that is given block by block, see `CentralisedAnalysis`."""
     unstable = centralised_poles(blocks, controllers)
@@ -288,12 +237,10 @@ def analyse_blocks(
     analysis = CentralisedAnalysis(blocks, controllers, uncertainty, performance)
     curves = analysis.curves(analysis.omega)
     peaks = analysis.peaks(curves)
-    guarantee = Guarantee(
-        GuaranteeStatus.OPEN,
-        peaks.robust_performance.value,
-        f"the highest value on a grid of {curves.omega.size} frequencies over the whole axis, "
-        "refined at the peaks; proofs are for single loops",
-    )
+    guarantee = None
+    if proof:
+        peak, guarantee = prove(analysis, peaks.robust_performance)
+        peaks = replace(peaks, robust_performance=peak)
     return Centralised(
         nominally_stable=True, unstable_poles=0, peaks=peaks, curves=curves, guarantee=guarantee
     )
@@ -358,6 +305,19 @@ def _paired(
         raise InvalidInputError(message, "/controller")
     matrix = MatrixPlant(plant.rows)
     return central_blocks(matrix, uncertainty), (controller,)
+
+
+def _require_no_oscillator(controller: StateSpace | MatrixPlant) -> None:
+    poles = _poles(controller)
+    sizes = np.abs(poles)
+    near = np.abs(poles.real) <= ON_THE_AXIS * sizes
+    near &= sizes > ON_THE_AXIS * sizes.max(initial=0.0)
+    if near.any():
+        message = (
+            f"the controller has a pole at {sizes[near][0]:.6g} j on the imaginary axis; only "
+            "poles at s = 0 may lie there: give it some damping"
+        )
+        raise InvalidInputError(message, "/controller")
 
 
 def _poles(controller: StateSpace | MatrixPlant) -> NDArray[np.complex128]:
