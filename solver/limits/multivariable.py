@@ -17,11 +17,8 @@ from solver.model.mode_controller import ModeController
 from solver.model.open_loop import require_supported
 from solver.model.plants import Plant
 from solver.model.validation import instance
-from solver.robustness.centralised import (
-    CentralisedAnalysis,
-    analyse_centralised,
-    centralised_poles,
-)
+from solver.robustness.centralised import analyse_centralised, centralised_poles
+from solver.robustness.centralised_curves import CentralisedAnalysis
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -10,9 +10,7 @@ if TYPE_CHECKING:
     from solver.limits.lower_bound import LowerBound
     from solver.model.mode_controller import ModeController
     from solver.model.state_space import StateSpace
-    from solver.robustness.centralised import (
-        Centralised,
-    )
+    from solver.robustness.centralised import Centralised
 
 __all__ = ["Limit", "LimitStatus", "Realised"]
 

@@ -18,7 +18,7 @@ from solver.limits.youla import youla_blocks
 from solver.model.frequencies import corners, grid, resonances
 from solver.model.peaks import local_peaks
 from solver.model.transfer_function import LARGEST
-from solver.robustness.centralised import central_blocks
+from solver.robustness.centralised_curves import central_blocks
 from solver.robustness.shared_scales import best_scales
 
 if TYPE_CHECKING:

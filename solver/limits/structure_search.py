@@ -19,12 +19,8 @@ from solver.limits.structures import structures
 from solver.limits.youla import youla_blocks
 from solver.model.frequencies import corners, grid, resonances
 from solver.model.peaks import local_peaks
-from solver.robustness.centralised import (
-    CentralisedAnalysis,
-    analyse_blocks,
-    central_blocks,
-    centralised_poles,
-)
+from solver.robustness.centralised import analyse_blocks, centralised_poles
+from solver.robustness.centralised_curves import CentralisedAnalysis, central_blocks
 from solver.robustness.shared_scales import best_scales
 
 if TYPE_CHECKING:
@@ -38,9 +34,7 @@ if TYPE_CHECKING:
     from solver.model.plants import Plant
     from solver.model.state_space import StateSpace
     from solver.model.weights import Performance, Uncertainty
-    from solver.robustness.centralised import (
-        Centralised,
-    )
+    from solver.robustness.centralised import Centralised
 
 __all__ = ["StructureSearch", "StructuredController", "structured_controllers"]
 

@@ -27,9 +27,7 @@ from solver.model.frequencies import corners
 from solver.model.mode_controller import ModeController
 from solver.model.plants import MatrixPlant
 from solver.model.state_space import StateSpace, from_polynomials
-from solver.robustness.centralised import (
-    central_blocks,
-)
+from solver.robustness.centralised_curves import central_blocks
 from solver.stability.singular import is_singular
 
 if TYPE_CHECKING:

@@ -26,7 +26,7 @@ from solver.robustness.shared_scales import best_scales
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from solver.robustness.centralised import CentralisedAnalysis
+    from solver.robustness.centralised_curves import CentralisedAnalysis
 
 __all__ = ["prove"]
 

@@ -20,9 +20,7 @@ from solver.model.mode_controller import ModeController
 from solver.model.plants import first_order
 from solver.model.state_space import StateSpace
 from solver.model.weights import Performance, Uncertainty
-from solver.robustness.centralised import (
-    analyse_centralised,
-)
+from solver.robustness.centralised import analyse_centralised
 
 REQUEST: dict[str, Any] = {
     "plant": {"kind": "first_order", "n": 2, "gain": 1, "time_constant": 10, "interaction": 0.5},

@@ -16,12 +16,8 @@ from solver.model.state_space import StateSpace
 from solver.model.transfer_function import TransferFunction
 from solver.model.weights import Performance, Structure, Uncertainty
 from solver.robustness.analysis import analyse
-from solver.robustness.centralised import (
-    CentralisedAnalysis,
-    ModeController,
-    analyse_centralised,
-    central_blocks,
-)
+from solver.robustness.centralised import ModeController, analyse_centralised
+from solver.robustness.centralised_curves import CentralisedAnalysis, central_blocks
 
 UNCERTAINTY = Uncertainty.from_error(0.2, 1.0)
 COLUMN = MatrixPlant(

@@ -15,12 +15,8 @@ from solver.model.plants import MatrixPlant, ParallelPlant, Plant, first_order
 from solver.model.state_space import StateSpace
 from solver.model.transfer_function import TransferFunction
 from solver.model.weights import Performance, Uncertainty
-from solver.robustness.centralised import (
-    Centralised,
-    CentralisedAnalysis,
-    analyse_centralised,
-    central_blocks,
-)
+from solver.robustness.centralised import Centralised, analyse_centralised
+from solver.robustness.centralised_curves import CentralisedAnalysis, central_blocks
 from solver.robustness.full_models import FullLoop, Variable
 from solver.robustness.full_proof import _block, prove
 from solver.robustness.record import GuaranteeStatus
