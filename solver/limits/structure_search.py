@@ -197,8 +197,12 @@ class StructureSearch:
     def _mu(self, rows: list[tuple[list[NDArray[np.complex128]], float]]) -> NDArray[np.float64]:
         """Mu (rows, k) of matrices with w_P = 1, each at a tau_P of its own."""
         weighted = []
+        weights = {
+            tau_p: self.performance.with_tau_p(tau_p).magnitude(self.omega)[:, None, None]
+            for tau_p in {tau_p for _, tau_p in rows}
+        }
         for parts, tau_p in rows:
-            w_P = self.performance.with_tau_p(tau_p).magnitude(self.omega)[:, None, None]
+            w_P = weights[tau_p]
             scaled = []
             for part in parts:
                 N = part.copy()
@@ -239,6 +243,8 @@ class StructureSearch:
         if not self.sought:
             return self._descend(theta, self.first_tau_p)
         level = self._level(theta, None)
+        if math.isinf(level) and math.isinf(self._level(self._descend(theta, self.slowest), None)):
+            return None  # what cannot be met by the slowest loops is met by none
         tau_p = self.first_tau_p
         while math.isinf(level):
             theta = self._descend(theta, tau_p)
@@ -247,7 +253,7 @@ class StructureSearch:
                 return None
             tau_p *= SLOWER
         for _ in range(MAX_RATIOS):
-            theta = self._descend(theta, math.exp(level))
+            theta = self._descend(theta, math.exp(level), restarts=1)
             before, level = level, self._level(theta, None, level)
             if before - level < PRECISE:
                 break
@@ -290,7 +296,9 @@ class StructureSearch:
                     return math.inf
         return float(brentq(peak, low, high, xtol=DIGITS))
 
-    def _descend(self, start: NDArray[np.float64], tau_p: float | None) -> NDArray[np.float64]:
+    def _descend(
+        self, start: NDArray[np.float64], tau_p: float | None, *, restarts: int = RESTARTS
+    ) -> NDArray[np.float64]:
         """Return settings of the least level beside a start, see `_level`."""
         size = start.size
         theta, level = start, self._level(start, tau_p)
@@ -316,7 +324,7 @@ class StructureSearch:
 
         end = np.zeros(size + 1)
         end[size] = 1.0
-        for _ in range(RESTARTS):
+        for _ in range(restarts):
             found = minimize(
                 lambda x: x[size], np.append(theta, level), jac=lambda _: end, method="SLSQP",
                 bounds=list(zip(low, high, strict=True)),
