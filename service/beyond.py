@@ -35,10 +35,6 @@ LARGEST_SHOWN = 20  # units up to which a full controller is written down
 MOST_UNITS = 3  # one convex step of a larger matrix plant takes longer than a job may overrun
 
 
-class _TimeUpError(Exception):
-    """The request's time limit has passed."""
-
-
 def with_limit(
     request: TuningRequest,
     document: dict[str, Any],
@@ -53,7 +49,8 @@ def with_limit(
     document : dict
         Its result.
     check : callable
-        Called often; what it raises passes through. If it returns True, the comparison is left out.
+        Called often; what it raises passes through. If it returns True, the comparison ends with
+        what it has by then, as when the time is over.
 
     """
     if not request.search.limit:
@@ -66,26 +63,24 @@ def with_limit(
     if specification.plant.n > MOST_UNITS and not specification.plant.interchangeable:
         text = f"matrix plants above {MOST_UNITS} units take minutes: ask `mutune limit`"
         return {**document, "limit": _without("not_covered", f"No limit: {text}.")}
-    from solver.limits.comparison import compare_controllers  # noqa: PLC0415 - compiled kernels, cvxpy
+    # Compiled kernels and cvxpy are loaded where they are used.
+    from solver.limits.comparison import compare_controllers  # noqa: PLC0415
+    from solver.limits.record import EnoughError  # noqa: PLC0415
 
     left = request.search.time_limit - float(document["search"]["elapsed_seconds"])
     end = time.monotonic() + max(left, 0.0)
 
     def tick() -> None:
         if check() or time.monotonic() > end:
-            raise _TimeUpError
+            raise EnoughError
 
     warnings: list[str] = document.get("warnings") or []
     try:
-        tick()
         comparison = compare_controllers(specification, tick=tick)
         found = alternatives_to_json(comparison)
         warnings = [*warnings, *comparison.warnings]
     except (InvalidInputError, UnsupportedPlantError) as error:
         found = _without("not_covered", f"No limit: {error}.")
-    except _TimeUpError:
-        text = "No limit: the time was over before it was found; give search.time_limit more."
-        found = _without("time_limit", text)
     return {**document, "limit": found, "warnings": warnings}
 
 
@@ -149,17 +144,16 @@ def _verdict(document: dict[str, Any], objective: str, reason: str | None) -> st
     ]  # fmt: skip
     if between:
         parts.append(f"in between lie {between}")
+    bound = document["lower_bound"]["value"]
+    below = [f"nothing linear can go below {number(bound)}"] if bound else []
     if document["limit"] is None:
-        return "; ".join([*parts, reason or "no limit was found"]) + "."
+        return "; ".join([*parts, reason or "no limit was found", *below]) + "."
     built = values.get("multivariable")
     parts.append(
         f"a multivariable controller that can be built reaches {number(built)}" if built
         else f"the best multivariable controller found reaches {number(document['limit'])}"
     )  # fmt: skip
-    bound = document["lower_bound"]["value"]
-    if bound:
-        parts.append(f"nothing linear can go below {number(bound)}")
-    sentence = "; ".join(parts)
+    sentence = "; ".join([*parts, *below])
     ratios = {each["family"]: each["ratio"] for each in document["alternatives"]}
     share = ratios.get("multivariable")
     if not share:

@@ -105,9 +105,10 @@ class Decentralised(ResultModel):
 class LimitResult(ResultModel):
     """What any controller could do, beside what single loops do."""
 
-    status: Literal["found", "infeasible", "unlimited"] = Field(
+    status: Literal["found", "infeasible", "unlimited", "time_limit"] = Field(
         description="found; infeasible: no controller was found that meets the demand; unlimited: "
-        "nothing in the model ends the bandwidth.",
+        "nothing in the model ends the bandwidth; time_limit: the search was ended early, and the "
+        "value, if any, is the best by then.",
         examples=["found"],
     )
     objective: Literal["tau_p", "mu"] = Field(description="What value is.", examples=["tau_p"])
@@ -166,6 +167,7 @@ class DrawnLimit(Drawn):
 def compute(request: LimitRequest, on_progress: OnProgress | None = None) -> dict[str, Any]:
     """Return the limit and the tuned loops."""
     from solver.limits.comparison import compare_controllers
+    from solver.limits.record import EnoughError
     from solver.model.state_space import StateSpace as System
     from solver.tuning.record import Progress
     from solver.tuning.tuner import tune
@@ -175,8 +177,8 @@ def compute(request: LimitRequest, on_progress: OnProgress | None = None) -> dic
         return on_progress is not None and on_progress(progress)
 
     def tick() -> None:
-        if on_progress is not None:
-            on_progress(Progress(LOOPS_SHARE, tuning.tau_p, 1, 1))
+        if on_progress is not None and on_progress(Progress(LOOPS_SHARE, tuning.tau_p, 1, 1)):
+            raise EnoughError
 
     specification = request.build()
     tuning = tune(specification, tuned)

@@ -98,7 +98,8 @@ class Alternatives(ResultModel):
     status: Literal["found", "infeasible", "unlimited", "not_covered", "time_limit"] = Field(
         description="found; infeasible: no controller was found that meets the demand; unlimited: "
         "nothing in the model ends the bandwidth; not_covered: the limit is not found for such a "
-        "plant, see verdict; time_limit: the time was over before.",
+        "plant, see verdict; time_limit: the time was over before, and what was found by then is "
+        "there.",
         examples=["found"],
     )
     limit: float | None = Field(

@@ -5,13 +5,17 @@ Every entry is made for the same demand under the same uncertainty of the physic
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
 from solver.limits.manual import controller_in_manual, loops_in_manual
-from solver.limits.multivariable import multivariable_limit
+from solver.limits.multivariable import multivariable_limit, require_covered
+from solver.limits.record import EnoughError
 from solver.limits.structure_search import structured_controllers
+from solver.limits.youla import youla_blocks
+from solver.robustness.centralised_curves import central_blocks
 from solver.tuning.demands import NO_DEMANDS
 from solver.tuning.record import Status
 from solver.tuning.specification import Arrangement, Bounds, ControllerKind, Objective
@@ -133,7 +137,8 @@ def compare_controllers(
         The task; its kind and arrangement are varied, its bounds hold for single loops, and its
         time limit is divided among them.
     tick : callable
-        Called often; what it raises passes through.
+        Called often. `EnoughError` ends the comparison with what it has by then: single loops come
+        first, then what lies between, then the limit. What else it raises passes through.
 
     Raises
     ------
@@ -143,9 +148,13 @@ def compare_controllers(
     """
     plant, uncertainty = specification.plant, specification.uncertainty
     performance = specification.performance
-    limit = multivariable_limit(plant, uncertainty, performance, tick=tick)
-    entries = [_loops(specification, family, tick) for family in _families(plant.n)]
-    first = entries[0].loops
+    require_covered(plant, uncertainty, performance)
+    youla_blocks(central_blocks(plant, uncertainty), fast=1.0)  # refuses a singular plant at once
+    entries: list[Entry] = []
+    with contextlib.suppress(EnoughError):
+        for family in _families(plant.n):
+            entries.append(_loops(specification, family, tick))  # noqa: PERF401 - kept when it ends
+    first = entries[0].loops if entries else ()
     structured = {
         each.kind.value: each
         for each in structured_controllers(
@@ -153,6 +162,7 @@ def compare_controllers(
         )
     }
     entries += [_between(specification, structured[f], f) for f in STRUCTURES if f in structured]
+    limit = multivariable_limit(plant, uncertainty, performance, tick=tick)
     warnings = list(limit.warnings)
     if limit.realised is not None:
         built = limit.realised

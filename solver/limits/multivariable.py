@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from solver.model.state_space import StateSpace
     from solver.model.weights import Performance, Uncertainty
 
-__all__ = ["MAX_LIMIT_SIZE", "multivariable_limit"]
+__all__ = ["MAX_LIMIT_SIZE", "multivariable_limit", "require_covered"]
 
 MAX_LIMIT_SIZE = 6  # of a matrix plant: the convex program grows with its fourth power
 BUILT_MU = 1.01  # of the least mu of its basis: what a reduction of the order may cost
@@ -53,7 +53,8 @@ def multivariable_limit(
     uncertainty, performance : Uncertainty, Performance
         The weights; without a `tau_p` the least one is sought, with one the least mu.
     tick : callable
-        Called after each convex step; what it raises passes through.
+        Called after each convex step. `EnoughError` ends the search with the best so far; what else
+        it raises passes through.
 
     Raises
     ------
@@ -63,18 +64,7 @@ def multivariable_limit(
         An unstable plant, or integrators that do not belong to inputs.
 
     """
-    instance(plant, Plant, "/plant")
-    require_fit(plant, uncertainty, performance)
-    require_supported(plant)
-    if not plant.interchangeable and plant.n > MAX_LIMIT_SIZE:
-        message = f"the limit is found for matrix plants up to {MAX_LIMIT_SIZE} units"
-        raise InvalidInputError(message, "/plant")
-    if performance.unlike_outputs:
-        message = "the limit is found for outputs of one scale: divide the plant's rows by theirs"
-        raise InvalidInputError(message, "/performance/output_scale")
-    if uncertainty.unlike_inputs:
-        message = "the limit is found for inputs of one uncertainty"
-        raise InvalidInputError(message, "/uncertainty")
+    require_covered(plant, uncertainty, performance)
     objective = "tau_p" if performance.tau_p is None else "mu"
     search = LimitSearch(plant, uncertainty, performance, tick)
     bound = lower_bound(plant, uncertainty, performance)
@@ -88,21 +78,42 @@ def multivariable_limit(
         )
         return Limit(LimitStatus.UNLIMITED, objective, None, bound, reason=reason)
     found = search.run()
+    if found is None and search.ended:
+        reason = "the search was ended before it found a controller"
+        return Limit(LimitStatus.TIME_LIMIT, objective, None, bound, reason=reason)
     if found is None:
         reason = "no controller was found that keeps mu at 1 or below, however slow"
         return Limit(LimitStatus.INFEASIBLE, objective, None, bound, reason=reason)
     realised = _realised(search, found)
     warnings = []
-    if realised is None:
+    if search.ended:
+        warnings.append("the search for the limit was ended early: it may be lower")
+    elif realised is None:
         warnings.append("no controller of limited order was found near the limit")
     return Limit(
-        LimitStatus.FOUND,
+        LimitStatus.TIME_LIMIT if search.ended else LimitStatus.FOUND,
         objective,
         found.tau_p if search.sought else found.mu,
         bound,
         realised,
         warnings=tuple(warnings),
     )
+
+
+def require_covered(plant: Plant, uncertainty: Uncertainty, performance: Performance) -> None:
+    """Raise what `multivariable_limit` would raise, but for a singular plant."""
+    instance(plant, Plant, "/plant")
+    require_fit(plant, uncertainty, performance)
+    require_supported(plant)
+    if not plant.interchangeable and plant.n > MAX_LIMIT_SIZE:
+        message = f"the limit is found for matrix plants up to {MAX_LIMIT_SIZE} units"
+        raise InvalidInputError(message, "/plant")
+    if performance.unlike_outputs:
+        message = "the limit is found for outputs of one scale: divide the plant's rows by theirs"
+        raise InvalidInputError(message, "/performance/output_scale")
+    if uncertainty.unlike_inputs:
+        message = "the limit is found for inputs of one uncertainty"
+        raise InvalidInputError(message, "/uncertainty")
 
 
 def _realised(search: LimitSearch, best: Found) -> Realised | None:

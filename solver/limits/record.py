@@ -12,7 +12,11 @@ if TYPE_CHECKING:
     from solver.model.state_space import StateSpace
     from solver.robustness.centralised import Centralised
 
-__all__ = ["Limit", "LimitStatus", "Realised"]
+__all__ = ["EnoughError", "Limit", "LimitStatus", "Realised"]
+
+
+class EnoughError(Exception):
+    """Raised by a `tick`: the search ends, and what it has found so far is its result."""
 
 
 class LimitStatus(StrEnum):
@@ -21,12 +25,13 @@ class LimitStatus(StrEnum):
     FOUND: the best controller found meets the demand. INFEASIBLE: none was found that keeps mu at
     1 or below, however slow; try (a) less uncertainty, (b) a larger permitted sensitivity peak.
     UNLIMITED: nothing in the model ends the bandwidth; give a dead time, or an uncertainty whose
-    weight passes 1.
+    weight passes 1. TIME_LIMIT: the search was ended early; its value, if any, is the best by then.
     """
 
     FOUND = "found"
     INFEASIBLE = "infeasible"
     UNLIMITED = "unlimited"
+    TIME_LIMIT = "time_limit"
 
 
 @dataclass(frozen=True)

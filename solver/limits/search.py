@@ -14,6 +14,7 @@ import numpy as np
 
 from solver.limits.basis import Basis
 from solver.limits.programs import AffineBlock, MatrixProgram, ScalarProgram
+from solver.limits.record import EnoughError
 from solver.limits.youla import youla_blocks
 from solver.model.frequencies import corners, grid, resonances
 from solver.model.peaks import local_peaks
@@ -123,7 +124,8 @@ class LimitSearch:
     uncertainty, performance : Uncertainty, Performance
         The weights; with a `tau_p` the objective is mu, without one it is tau_P.
     tick : callable
-        Called after each convex step.
+        Called after each convex step. `EnoughError` ends the search with what it has; `ended` then
+        says so.
 
     """
 
@@ -136,6 +138,7 @@ class LimitSearch:
     ) -> None:
         self.plant, self.uncertainty, self.performance = plant, uncertainty, performance
         self.tick = tick
+        self.ended = False
         self.target = TARGET
         self.blocks = central_blocks(plant, uncertainty)
         bends = corners(plant, uncertainty)
@@ -177,9 +180,17 @@ class LimitSearch:
             value, before = self._value(found), self._value(best) if best else math.inf
             if value < before:
                 best = found
-            if value > before * (1 - REFINED):
+            if value > before * (1 - REFINED) or self.ended:
                 break
         return best
+
+    def _enough(self) -> bool:
+        """Whether the search is to end with what it has."""
+        try:
+            self.tick()
+        except EnoughError:
+            self.ended = True
+        return self.ended
 
     def buildable(self, best: Found) -> Iterator[Found]:
         """Yield controllers with a margin for their realisation, the fastest one first."""
@@ -188,6 +199,8 @@ class LimitSearch:
             return
         basis = self._built_basis(BUILT_DENSITY if self.scalar else MATRIX_DENSITY)
         for margin in MARGINS if self.sought else (1.0,):
+            if self._enough():
+                return
             self.target = margin
             found = self._with_basis(basis, best)
             if found is not None:
@@ -217,11 +230,15 @@ class LimitSearch:
             mu, v = state.measure(start, tau_p)
         else:
             tau_p, mu, v = before.tau_p, before.mu, before.v
-        for _ in range(MAX_EXCHANGES):
+        for exchange in range(MAX_EXCHANGES):
             result = self._descend(state, start, v, mu, tau_p)
             if result is None:
+                if self.ended and exchange and start is not None:
+                    return self._found(state, start, v, tau_p)
                 return None
             X, v, mu, tau_p = result
+            if self.ended:
+                return self._found(state, X, v, tau_p)
             start = X
             checked = self._checked(state, X, v, tau_p)
             if checked is None or isinstance(checked, Found):
@@ -249,8 +266,11 @@ class LimitSearch:
         tau_p: float,
     ) -> tuple[list[NDArray[np.float64]], NDArray[np.float64], float, float] | None:
         """Take steps until they gain no more."""
-        for _ in range(MAX_STEPS):
-            self.tick()
+        for taken in range(MAX_STEPS):
+            if self._enough():
+                if not taken:
+                    return None
+                break
             step = state.program.solve(v, mu, state.w_I, state.w_P(tau_p))
             if step is None:
                 break

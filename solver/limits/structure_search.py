@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.optimize import brentq, minimize
 
+from solver.limits.record import EnoughError
 from solver.limits.search import bandwidth_of
 from solver.limits.structures import structures
 from solver.limits.youla import youla_blocks
@@ -111,7 +112,8 @@ def structured_controllers(
     identical : Controller or None
         Known settings of identical PI loops, to begin with where a structure holds them.
     tick : callable
-        Called at each evaluation; what it raises passes through.
+        Called at each evaluation. `EnoughError` ends the search with what it has; what else it
+        raises passes through.
 
     """
     bends = corners(plant, uncertainty)
@@ -119,7 +121,10 @@ def structured_controllers(
     youla = youla_blocks(central_blocks(plant, uncertainty), SPAN * float(bends.max()))
     best: dict[StructureKind, StructuredController] = {}
     for structure in structures(plant, uncertainty, youla, bandwidth, identical):
-        found = StructureSearch(structure, uncertainty, performance, tick).run()
+        try:
+            found = StructureSearch(structure, uncertainty, performance, tick).run()
+        except EnoughError:
+            break
         before = best.get(structure.kind)
         if found is not None and (before is None or found.value < before.value):
             best[structure.kind] = found

@@ -135,12 +135,28 @@ def test_a_tuning_has_a_limit_only_where_it_was_asked_for() -> None:
 
 
 def test_a_limit_for_which_no_time_is_left_says_so() -> None:
-    """The search took all of the time: no numbers, and the sentence names the field."""
+    """The search took all of the time: no limit, the lower bound all the same, and a sentence."""
     found = Alternatives.model_validate(_beside(time_limit=0.5, limit=True)["limit"])
     assert found.status == "time_limit"
     assert found.limit is None
-    assert not found.alternatives
-    assert "search.time_limit" in found.verdict
+    assert found.lower_bound is not None
+    assert found.lower_bound.value is not None
+    assert "ended before" in found.verdict
+
+
+def test_what_was_found_before_the_end_is_kept() -> None:
+    """Asked to end once the single loops are there, a comparison keeps them."""
+    calls = iter(range(10**9))
+
+    def stop() -> bool:
+        return next(calls) > 400
+
+    request = TuningRequest.model_validate({**REQUEST, "search": {"time_limit": 60, "limit": True}})
+    document = with_limit(request, {"search": {"elapsed_seconds": 0.5}}, stop)
+    found = Alternatives.model_validate(document["limit"])
+    assert found.status == "time_limit"
+    assert found.alternatives
+    assert all(each.value is None or each.value > 0 for each in found.alternatives)
 
 
 def test_a_plant_without_a_limit_keeps_its_tuning() -> None:
