@@ -22,7 +22,7 @@ from solver.model.frequencies import corners
 from solver.model.measured import MeasuredPlant
 from solver.model.plants import MatrixPlant
 from solver.model.transfer_function import TransferFunction
-from solver.robustness.centralised import central_blocks
+from solver.robustness.centralised_curves import central_blocks
 from solver.tuning.clock import Clock, OutOfTimeError
 from solver.tuning.demands import NO_DEMANDS
 from solver.tuning.groupings import named_partition
