@@ -103,7 +103,7 @@ def _closed(
 
     nominal = simulated()
     limits = _limits(tuned, nominal)
-    worst = _worst_actuators(tuned, tuned.plant, tuned.loops)
+    worst = _worst_actuators(tuned, tuned.plant, tuned.loops, range(tuned.plant.n))
     today = tuned.as_found
     return Case(
         nominal=DrawnStepResponse.of(nominal),
@@ -151,7 +151,7 @@ def alone(tuned: RequestedTuning) -> Case:
     nominal, worst = [], []
     for setting, plant, loops in singles:
         nominal.append((setting, _simulate(plant, loops, step, duration)))
-        actuators = _worst_actuators(tuned, plant, loops)
+        actuators = _worst_actuators(tuned, plant, loops, setting.units[:1])
         if actuators is not None:
             worst.append((setting, _simulate(plant, loops, step, duration, actuators)))
     identical = None
@@ -201,9 +201,14 @@ def _duration(
 
 
 def _worst_actuators(
-    tuned: RequestedTuning, plant: Plant, loops: Sequence[Controller]
+    tuned: RequestedTuning, plant: Plant, loops: Sequence[Controller], units: Sequence[int]
 ) -> Actuators | None:
-    return worst_actuators(plant, loops, tuned.uncertainty, tuned.performance)
+    """Return the worst actuators of the `units` in service; None where outputs err too."""
+    if tuned.uncertainty.outputs is not None:
+        return None
+    return worst_actuators(
+        plant, loops, tuned.uncertainty.of_units(units), tuned.performance.of_units(units)
+    )
 
 
 def _merged(runs: Sequence[tuple[Setting, StepResponse]]) -> DrawnStepResponse:

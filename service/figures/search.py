@@ -96,6 +96,12 @@ _FIELDS = {
     "epsilon": ("uncertainty of the inputs", "relative error ε of the inputs (1)"),
     "max_peak": ("permitted peak", "permitted peak M of the sensitivity (1)"),
     "interaction": ("interaction", "interaction a (1)"),
+    "max_load_error": ("error after a load", "greatest integrated error after a unit load"),
+    "max_controller_gain": ("gain of the controllers", "greatest gain of a controller"),
+    "max_sensitivity_alone": (
+        "peak of each loop alone",
+        "greatest peak of the sensitivity of a loop alone (1)",
+    ),
 }
 
 

@@ -79,7 +79,7 @@ Deviation = Annotated[float, Field(ge=0, lt=1, json_schema_extra={"x-unit": "1"}
 
 
 class Spread(RequestModel):
-    """Relative deviations of parameters of the plant, up and down, of all elements together."""
+    """Relative deviations of parameters of the plant, up and down."""
 
     gain: Deviation = Field(default=0.0, description="Of all gains.", examples=[0.1])
     time_constant: Deviation = Field(
@@ -90,10 +90,17 @@ class Spread(RequestModel):
         default=0.0, description="Of the effect of each unit on the others.", examples=[0.02]
     )
 
+    each_unit: bool = Field(
+        default=False,
+        description="Whether each unit deviates by itself, in all that its input acts on; else "
+        "all units together.",
+        examples=[False],
+    )
+
     def build(self) -> solver.tuning.spread.Spread:
         """Return the solver's spread."""
         return solver.tuning.spread.Spread(
-            self.gain, self.time_constant, self.dead_time, self.interaction
+            self.gain, self.time_constant, self.dead_time, self.interaction, self.each_unit
         )
 
 
@@ -105,7 +112,8 @@ class SpreadOutcome(ResultModel):
         examples=[71],
     )
     worst: dict[str, float] = Field(
-        description="Relative deviation of each parameter in the worst plant.",
+        description="Relative deviation of each parameter in the worst plant, of each unit where "
+        "they deviate by themselves.",
         examples=[{"interaction": 0.02}],
     )
     tau_p: float | None = Field(

@@ -42,6 +42,12 @@ class AsFound(ResultModel):
         description="Stability margins, an entry for each different loop.", examples=[[]]
     )
     reason: str | None = Field(default=None, description="Why they have no tau_p.", examples=[None])
+    active: str | None = Field(
+        default=None,
+        description="With scenarios, or a spread: the one that decides, to which tau_p, peaks and "
+        "reason belong.",
+        examples=["winter"],
+    )
 
 
 class PriceOfResolution(ResultModel):

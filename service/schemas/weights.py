@@ -37,90 +37,85 @@ Error = Annotated[float, Field(ge=SMALLEST, le=LARGEST, json_schema_extra={"x-un
 GainError = Annotated[float, Field(ge=SMALLEST, le=1, json_schema_extra={"x-unit": "1"})]
 
 
-class _InputUncertainty(RequestModel):
-    """Base of the forms of input uncertainty."""
-
-    structure: StructureName = "diagonal"
+class _Errors(RequestModel):
+    """Base of the forms of uncertainty, that of inputs or of outputs."""
 
     @property
-    def given(self) -> solver.model.weights.Uncertainty:
-        """The solver's uncertainty."""
+    def errors(self) -> solver.model.weights.Uncertainty:
+        """The solver's uncertainty of what these numbers are given for, its parts independent."""
         raise NotImplementedError
 
-    def build(self, inputs: int) -> solver.model.weights.Uncertainty:
-        """Return the solver's uncertainty for a plant of so many inputs.
+    def require(self, count: int, each: str) -> None:
+        """Refuse lists with another number of entries than `count`, by their pointer.
 
         Raises
         ------
         InvalidInputError
-            A list with another number of entries, by its pointer.
+            So it is.
 
         """
         for name in type(self).model_fields:
             values = getattr(self, name)
-            if isinstance(values, list) and len(values) != inputs:
-                message = f"{len(values)} entries for {inputs} inputs: give one an input"
+            if isinstance(values, list) and len(values) != count:
+                message = f"{len(values)} entries for {count} {each}s: give one an {each}"
                 raise InvalidInputError(message, f"/{name}")
-        return self.given
 
 
-class UncertaintyOfError(_InputUncertainty):
-    """Input uncertainty by its steady-state error and the time scale at which it reaches 100 %."""
+class _OfError(_Errors):
+    """Uncertainty by its steady-state error and the time scale at which it reaches 100 %."""
 
     epsilon: Error | Annotated[list[Error], _Each] = Field(
-        description="Relative error of the inputs at steady state; 0.2 is 20 per cent. One for "
-        "all, or a list with one an input.",
+        description="Relative error of the inputs, or outputs, at steady state; 0.2 is 20 per "
+        "cent. One for all, or a list with one each.",
         examples=[0.2, [0.2, 0.1]],
     )
     theta: Time | Annotated[list[Time], _Each] = Field(
         description="The error reaches 100 per cent near the frequency 1/theta. Of a neglected "
         "dead time the weight covers about 0.7 theta; gain_error and dead_time_error cover all. "
-        "One for all, or a list with one an input.",
+        "One for all, or a list with one each.",
         examples=[1.0, [1.0, 2.5]],
     )
 
     @property
-    def given(self) -> solver.model.weights.Uncertainty:
-        """The solver's uncertainty."""
-        return solver.model.weights.Uncertainty.from_error(
-            self.epsilon, self.theta, Structure(self.structure)
-        )
+    def errors(self) -> solver.model.weights.Uncertainty:
+        """As for the base."""
+        return solver.model.weights.Uncertainty.from_error(self.epsilon, self.theta)
 
 
-class UncertaintyOfGainAndDeadTime(_InputUncertainty):
-    """Input uncertainty that covers a gain error and a neglected dead time together."""
+class _OfGainAndDeadTime(_Errors):
+    """Uncertainty that covers a gain error and a neglected dead time together."""
 
     gain_error: GainError | Annotated[list[GainError], _Each] = Field(
-        description="Greatest relative error of an actuator's gain; 0.2 is 20 per cent. One for "
-        "all, or a list with one an input.",
+        description="Greatest relative error of the gain of an actuator, or sensor; 0.2 is 20 "
+        "per cent. One for all, or a list with one each.",
         examples=[0.2, [0.2, 0.1]],
     )
     dead_time_error: Time | Annotated[list[Time], _Each] = Field(
         description="Greatest dead time that the model leaves out. One for all, or a list with "
-        "one an input.",
+        "one each.",
         examples=[1.0, [1.0, 2.5]],
     )
 
     @property
-    def given(self) -> solver.model.weights.Uncertainty:
-        """The solver's uncertainty."""
+    def errors(self) -> solver.model.weights.Uncertainty:
+        """As for the base."""
         return solver.model.weights.Uncertainty.from_gain_and_dead_time(
-            self.gain_error, self.dead_time_error, Structure(self.structure)
+            self.gain_error, self.dead_time_error
         )
 
 
-class UncertaintyOfWeight(_InputUncertainty):
-    """Input uncertainty by its weight w_I(s)."""
+class _OfWeight(_Errors):
+    """Uncertainty by its weight w_I(s), of outputs w_O(s)."""
 
     weight: TransferFunction | Annotated[list[TransferFunction], _Each] = Field(
-        description="w_I(s), stable; its magnitude bounds the relative error of the inputs. One "
-        "for all, or a list with one an input.",
+        description="w_I(s), stable; its magnitude bounds the relative error of the inputs; "
+        "w_O(s) that of outputs. One for all, or a list with one each.",
         examples=[{"num": [1.0, 0.2], "den": [0.5, 1.0]}],
     )
 
     @property
-    def given(self) -> solver.model.weights.Uncertainty:
-        """The solver's uncertainty."""
+    def errors(self) -> solver.model.weights.Uncertainty:
+        """As for the base."""
         weight: Built | tuple[Built, ...]
         if isinstance(self.weight, list):
             each = []
@@ -131,7 +126,19 @@ class UncertaintyOfWeight(_InputUncertainty):
         else:
             with below("/weight"):
                 weight = self.weight.build()
-        return solver.model.weights.Uncertainty(weight, Structure(self.structure))
+        return solver.model.weights.Uncertainty(weight)
+
+
+class OutputsOfError(_OfError):
+    """Output uncertainty by its steady-state error and the time scale at which it reaches 100 %."""
+
+
+class OutputsOfGainAndDeadTime(_OfGainAndDeadTime):
+    """Output uncertainty that covers a gain error and a neglected dead time together."""
+
+
+class OutputsOfWeight(_OfWeight):
+    """Output uncertainty by its weight w_O(s)."""
 
 
 def _form(value: Any) -> str:  # noqa: ANN401 - whatever the caller sent
@@ -140,9 +147,67 @@ def _form(value: Any) -> str:  # noqa: ANN401 - whatever the caller sent
         if "weight" in value:
             return "weight"
         return "both" if {"gain_error", "dead_time_error"} & set(value) else "error"
-    if isinstance(value, UncertaintyOfGainAndDeadTime):
+    if isinstance(value, _OfGainAndDeadTime):
         return "both"
-    return "weight" if isinstance(value, UncertaintyOfWeight) else "error"
+    return "weight" if isinstance(value, _OfWeight) else "error"
+
+
+OutputUncertainty = Annotated[
+    Annotated[OutputsOfError, Tag("error")]
+    | Annotated[OutputsOfGainAndDeadTime, Tag("both")]
+    | Annotated[OutputsOfWeight, Tag("weight")],
+    Discriminator(_form),
+]
+
+
+class _InputUncertainty(_Errors):
+    """Base of the forms of input uncertainty, with that of the outputs beside it."""
+
+    structure: StructureName = "diagonal"
+    outputs: OutputUncertainty | None = Field(
+        default=None,
+        description="Uncertainty of the outputs, the errors of the sensors, in the same forms: "
+        "(I + w_O Delta_O) G (I + w_I Delta_I), each output by itself. null: they are known.",
+        examples=[None, {"epsilon": 0.02, "theta": 0.1}],
+    )
+
+    @property
+    def given(self) -> solver.model.weights.Uncertainty:
+        """The solver's uncertainty."""
+        outputs = None
+        if self.outputs is not None:
+            with below("/outputs"):
+                outputs = self.outputs.errors
+        return solver.model.weights.Uncertainty(
+            self.errors.weight, Structure(self.structure), outputs
+        )
+
+    def build(self, inputs: int) -> solver.model.weights.Uncertainty:
+        """Return the solver's uncertainty for a plant of so many inputs, and as many outputs.
+
+        Raises
+        ------
+        InvalidInputError
+            A list with another number of entries, by its pointer.
+
+        """
+        self.require(inputs, "input")
+        if self.outputs is not None:
+            with below("/outputs"):
+                self.outputs.require(inputs, "output")
+        return self.given
+
+
+class UncertaintyOfError(_InputUncertainty, _OfError):
+    """Input uncertainty by its steady-state error and the time scale at which it reaches 100 %."""
+
+
+class UncertaintyOfGainAndDeadTime(_InputUncertainty, _OfGainAndDeadTime):
+    """Input uncertainty that covers a gain error and a neglected dead time together."""
+
+
+class UncertaintyOfWeight(_InputUncertainty, _OfWeight):
+    """Input uncertainty by its weight w_I(s)."""
 
 
 Uncertainty = Annotated[

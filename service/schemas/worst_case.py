@@ -57,6 +57,19 @@ class InputPerturbation(ResultModel):
     )
 
 
+class OutputPerturbation(ResultModel):
+    """Delta_O, diagonal."""
+
+    entries: list[PerturbationEntry] = Field(
+        description="delta of each unit's output.", examples=[[_ENTRY]]
+    )
+    actuators: list[StableSystem | None] = Field(
+        description="1 + w_O delta of each entry, what multiplies that output; null where its "
+        "order is too high.",
+        examples=[[{"num": [1.0, 1.2], "den": [1.0, 1.0], "dead_time": 0.0}]],
+    )
+
+
 class PerformancePerturbation(ResultModel):
     """The full block that closes the loop over the performance: left times right transposed."""
 
@@ -86,4 +99,9 @@ class WorstCase(ResultModel):
     performance: PerformancePerturbation = Field(
         description="Perturbation of the performance block.",
         examples=[{"left": [_ENTRY], "right": [_ENTRY]}],
+    )
+    outputs: OutputPerturbation | None = Field(
+        default=None,
+        description="Perturbation of the outputs; null where they are known.",
+        examples=[{"entries": [_ENTRY], "actuators": [None]}],
     )

@@ -337,11 +337,12 @@ def _speed(tuned: RequestedTuning, robustness: Robustness) -> Iterator[Said]:
     values = np.asarray(curves.robust_performance)
     place = int(np.flatnonzero(values >= _NEAR * top.value)[-1])
     alone = float(curves.nominal_performance[place])
+    err = "inputs" if tuned.uncertainty.outputs is None else "inputs and outputs"
     yield Said(
         "speed", "note",
         f"What limits the speed: at {number(float(curves.omega[place]), 3)} rad/{tuned.unit}, the "
-        f"highest frequency where μ is at 1, exact inputs would leave it at {number(alone, 2)}; "
-        "the errors of the inputs cost the rest.",
+        f"highest frequency where μ is at 1, exact {err} would leave it at {number(alone, 2)}; "
+        f"the errors of the {err} cost the rest.",
     )  # fmt: skip
 
 

@@ -12,6 +12,8 @@ const OPTIONS = /** @type {Record<string, string>} */ ({
   tau_p: "Fastest loop, τₚ", mu: "Most robust, μ",
   UncertaintyOfError: "Error and time scale", UncertaintyOfWeight: "Weight w(s)",
   UncertaintyOfGainAndDeadTime: "Errors of gain and dead time",
+  OutputsOfError: "Error and time scale", OutputsOfWeight: "Weight w(s)",
+  OutputsOfGainAndDeadTime: "Errors of gain and dead time",
 });
 const SUPERSCRIPTS = "⁰¹²³⁴⁵⁶⁷⁸⁹";
 

@@ -1,19 +1,27 @@
-/** What a demand costs: the same tuning at several errors of the inputs, or permitted peaks. */
+/** What a demand costs: the same tuning at several errors of the inputs, peaks, or limits of a demand. */
 
 import { once, request } from "./api.js";
 import { button, card, h, help, put } from "./dom.js";
 import { figuresOfAnswer, showFigures } from "./figures.js";
 import { faults, operation } from "./schema.js";
 
+/** @param {string} text */
+function demand(text) {
+  return { text, group: "demands", values: [0.7, 0.8, 0.9, 1, 1.25, 1.5, 2] };
+}
+
 const PARAMETERS = {
   epsilon: { text: "Over the error ε", group: "uncertainty", values: [0.25, 0.5, 0.75, 1, 1.25, 1.5, 2] },
   max_peak: { text: "Over the peak M", group: "performance", values: [0.7, 0.8, 0.9, 1, 1.25, 1.5, 2] },
+  max_load_error: demand("Over the load error"),
+  max_controller_gain: demand("Over the controller's gain"),
+  max_sensitivity_alone: demand("Over the peak alone"),
 };
 
 /** @param {any} job */
 export function tradeOff({ id, request: asked, result }) {
   const figures = h("div", { class: "figures", "aria-live": "polite" });
-  const choices = Object.entries(PARAMETERS).filter(([name, { group }]) => asked[group][name] != null);
+  const choices = Object.entries(PARAMETERS).filter(([name, { group }]) => typeof asked[group]?.[name] === "number");
   const buttons = choices.map(([name, { text }]) => button(text, async () => {
     for (const each of buttons) each.disabled = true;
     put(figures, h("p", { class: "busy" }, "Tuning at several values …"));

@@ -6,6 +6,9 @@ With E = I + G C, X = diag(d_i^2) and the diagonal M = |w_I|^2 C^H X C + |w_P|^2
 
 because N = [w_I C; w_P I] E^-1 [G I]. F is a sum over the inputs, without the inverse of a matrix.
 Congruence keeps its sign, so outputs may be combined by T and multiplied by powers of sigma.
+Columns of E with the element of M may be multiplied by powers of sigma too: the controllers' need
+one. Where outputs err (`solver.certificate.reduction`), the second half of the outputs is not
+demanded anything of: w_P, and the 1 of the last term, are 0 there.
 """
 
 from __future__ import annotations
@@ -46,15 +49,17 @@ class ExactLoop:
     blocks : tuple of ExactBlock
         The plant's independent blocks.
     controllers : tuple of Ratio
-        The different settings.
+        The different settings; where outputs err, as often 1.
     uncertainties : tuple of ExactResponse
-        w_I of each of the settings, or one for all.
+        w_I of each of the settings, then w_O of each; or one for all.
     performance : Ratio
         w_P.
     level_squared : fmpq
         gamma^2.
     full : bool
         Whether the uncertainty is one full block: all inputs then share one D-scale.
+    settings : int
+        How many of the controllers are settings: the first ones.
 
     """
 
@@ -64,6 +69,7 @@ class ExactLoop:
     performance: Ratio
     level_squared: fmpq
     full: bool
+    settings: int
 
     @classmethod
     def of(cls, claim: Claim, most: int = MAX_SETTINGS) -> ExactLoop:
@@ -82,19 +88,25 @@ class ExactLoop:
         settings = settings_of(
             claim.plant, claim.loops, claim.uncertainty, claim.performance.output_scale
         )
-        if len(settings) > most:
+        doubled = claim.uncertainty.outputs is not None
+        if len(settings) * (2 if doubled else 1) > most:
             message = f"proofs cover at most {most} different settings"
+            message += ", half as many where outputs err" if doubled else ""
             raise InvalidInputError(message, "/loops")
-        for w_I in claim.uncertainty.weights:
+        for w_I in claim.uncertainty.all_weights:
             # At a pole of w_I no level of mu is finite, and at s = 0 the rows' powers of s, which
             # are counted from the plant alone, would hide it.
             if w_I.den[-1] == 0 or not is_hurwitz(w_I.den):
                 message = "the uncertainty weight must be stable, without a pole at s = 0"
                 raise InvalidInputError(message, "/uncertainty/weight/den")
         own = [group.weight for group in settings]
+        controllers = [_controller(group.controller) for group in settings]
+        outputs = [group.outputs for group in settings if group.outputs is not None]
+        own += outputs
+        controllers += [Ratio.reduced(fmpq_poly([1]), fmpq_poly([1])) for _ in outputs]
         return cls(
             blocks(claim.plant, settings),
-            tuple(_controller(group.controller) for group in settings),
+            tuple(controllers),
             # Only |w_I| counts, so a dead time in it is left out.
             tuple(
                 ExactResponse.combined([(1, TransferFunction(w_I.num, w_I.den))])
@@ -103,6 +115,7 @@ class ExactLoop:
             _performance_weight(claim.performance),
             exact(claim.gamma) ** 2,
             claim.uncertainty.structure is Structure.FULL,
+            len(settings),
         )
 
     @property
@@ -114,6 +127,14 @@ class ExactLoop:
         """Return the squared D-scale that goes with each of the settings."""
         squares = [exact(scale) ** 2 for scale in scales]
         return squares * len(self.controllers) if self.full else squares
+
+    def powers(self, setting: int) -> int:
+        """Powers of sigma of a column of E: only that of a controller needs any."""
+        return self.raised if setting < self.settings else 0
+
+    def turns(self, block: ExactBlock) -> int:
+        """Powers of sigma of det E of a block, its rows and columns multiplied by theirs."""
+        return sum(block.integrators) + sum(map(self.powers, block.settings))
 
 
 def _require_stable(plant: Plant) -> None:
@@ -162,7 +183,7 @@ class EnclosedBlock:
     plant : Matrix
         T G, (k, k).
     return_difference : Matrix
-        sigma T (I + G C), (k, k).
+        T (I + G C), (k, k), its columns multiplied by their powers of sigma.
 
     """
 
@@ -192,7 +213,9 @@ class EnclosedLoop:
         self.loop = loop
         self.frame = frame
         self._responses: dict[tuple[ExactResponse, int], TaylorModel] = {}
-        self._controllers = [ratio.enclose(frame, loop.raised) for ratio in loop.controllers]
+        self._controllers = [
+            ratio.enclose(frame, loop.powers(x)) for x, ratio in enumerate(loop.controllers)
+        ]
         self.blocks = [self._enclose(block) for block in loop.blocks]
 
     def performance_form(self, index: int, X: Sequence[fmpq]) -> list[TaylorModel]:
@@ -218,7 +241,9 @@ class EnclosedLoop:
         elements = []
         for r in outputs:
             for c in range(r + 1):
-                constant = sum((w[i] * T[r][i] * T[c][i] for i in inputs), fmpq(0))
+                constant = sum(
+                    (w[i] * T[r][i] * T[c][i] for i in inputs if block.demanded[i]), fmpq(0)
+                )
                 element = (powers[r] * powers[c].conjugate).scaled(-constant)
                 for i in inputs:
                     element = element + E[r][i] * E_right[c][i] - G[r][i] * G_right[c][i]
@@ -237,9 +262,13 @@ class EnclosedLoop:
         """Return M, its diagonal, with its powers of |sigma|^2."""
         w_I, w_P = self._weights_squared
         controllers = [self._controllers[x] for x in block.settings]
-        return [
-            (w_I[x] * (c * c.conjugate)).scaled(X[x]) + w_P
+        uncertain = [
+            (w_I[x] * (c * c.conjugate)).scaled(X[x])
             for c, x in zip(controllers, block.settings, strict=True)
+        ]
+        return [
+            own + w_P if demanded else own
+            for own, demanded in zip(uncertain, block.demanded, strict=True)
         ]
 
     def _enclose(self, block: ExactBlock) -> EnclosedBlock:
@@ -254,10 +283,10 @@ class EnclosedLoop:
             ]
             identity.append(powers)
             plant.append(row)
-            sigma_powers = powers * self.frame.sigma if self.loop.raised else powers
+            raised = powers * self.frame.sigma
             return_difference.append(
                 [
-                    sigma_powers.scaled(t) + g * self._controllers[x]
+                    (raised if self.loop.powers(x) else powers).scaled(t) + g * self._controllers[x]
                     for t, g, x in zip(block.combination[r], row, block.settings, strict=True)
                 ]
             )

@@ -150,7 +150,7 @@ def _turn_to_the_real_axis(loop: ExactLoop, index: int, interval: Interval) -> a
     if multiplier is None or not _is_near_identity(multiplier * E):
         return None
     # Here the rows lack their powers of s, which turn by a quarter each.
-    powers = E.nrows() * loop.raised + sum(loop.blocks[index].integrators)
+    powers = loop.turns(loop.blocks[index])
     return -powers * arb.pi() / 2 - _argument(multiplier, loop, index, interval, interval.low)
 
 

@@ -101,16 +101,24 @@ def _transfer_function(value: object) -> TransferFunction:
 
 
 def _uncertainty(value: object) -> Uncertainty:
-    members = _members(value, "weight structure")
+    names = "weight structure"
+    if isinstance(value, dict) and "outputs" in value:  # written only where they err
+        names += " outputs"
+    members = _members(value, names)
     if members["structure"] not in list(Structure):
         _refuse('must be "diagonal" or "full"', "/structure")
-    given = members["weight"]  # a list where each input has its own
-    weight: TransferFunction | tuple[TransferFunction, ...]
-    if isinstance(given, list):
-        weight = _within("/weight", _each(_transfer_function), given)
-    else:
-        weight = _within("/weight", _transfer_function, given)
-    return Uncertainty(weight, Structure(members["structure"]))
+    weight = _within("/weight", _weight, members["weight"])
+    outputs = None
+    if "outputs" in members:
+        outputs = Uncertainty(_within("/outputs", _weight, members["outputs"]))
+    return Uncertainty(weight, Structure(members["structure"]), outputs)
+
+
+def _weight(value: object) -> TransferFunction | tuple[TransferFunction, ...]:
+    """Return one weight, or a list where each input or output has its own."""
+    if isinstance(value, list):
+        return _each(_transfer_function)(value)
+    return _transfer_function(value)
 
 
 def _performance(value: object) -> Performance:

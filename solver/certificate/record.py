@@ -43,8 +43,8 @@ class ProvenInterval:
     scales : tuple of float
         d > 0 of each of the different settings, in the order of their first loop; of each loop
         where the plant is a matrix; a single one for full-block uncertainty. Settings of outputs
-        with unlike permitted errors, or of inputs with unlike uncertainty, are different; the
-        scales go with the plant E^-1 G E.
+        with unlike permitted errors, or of inputs or outputs with unlike uncertainty, are
+        different; the scales go with the plant E^-1 G E. Where outputs err, their scales follow.
 
     """
 
@@ -159,14 +159,21 @@ class Certificate:
 
 
 def _uncertainty(uncertainty: Uncertainty) -> dict[str, Any]:
-    weight = uncertainty.weight
-    return {
-        # A list where each input has its own: other documents keep their form and digest.
-        "weight": [_transfer_function(own) for own in weight]
-        if isinstance(weight, tuple)
-        else _transfer_function(weight),
+    content: dict[str, Any] = {
+        "weight": _weight(uncertainty.weight),
         "structure": str(uncertainty.structure),
     }
+    # Written where they err only: other documents keep their form and digest.
+    if uncertainty.outputs is not None:
+        content["outputs"] = _weight(uncertainty.outputs.weight)
+    return content
+
+
+def _weight(weight: TransferFunction | tuple[TransferFunction, ...]) -> object:
+    # A list where each input or output has its own: other documents keep their form and digest.
+    if isinstance(weight, tuple):
+        return [_transfer_function(own) for own in weight]
+    return _transfer_function(weight)
 
 
 def _performance(performance: Performance) -> dict[str, Any]:

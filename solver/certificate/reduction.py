@@ -10,6 +10,11 @@ combined along them keep an ill-conditioned plant harmless, and all factors are 
 Permitted errors E = diag(e_i) of the outputs turn G into E^-1 G E. For a parallel plant the
 combinations T of before, times E, serve: T E (E^-1 G E) = T G E, so that each column of T and of
 T G takes its factor e.
+
+Where the outputs err too, (I + w_O Delta_O) G, the loop is twice as wide: the plant
+[[0, I], [-G, 0]] under diag(C, I), with w_I on its first inputs and w_O on the others. Both halves
+of its outputs are combined by T, so that T G stands there again. Each of the settings then has a
+second entry: the controller 1, and a D-scale of its own.
 """
 
 from __future__ import annotations
@@ -23,6 +28,7 @@ from flint import fmpq
 
 from solver.certificate.enclosures import ExactResponse, exact
 from solver.model.plants import ParallelPlant
+from solver.model.transfer_function import TransferFunction
 from solver.model.weights import Structure
 
 if TYPE_CHECKING:
@@ -30,25 +36,35 @@ if TYPE_CHECKING:
 
     from solver.model.controllers import Controller
     from solver.model.plants import Plant
-    from solver.model.transfer_function import TransferFunction
     from solver.model.weights import Uncertainty
 
-__all__ = ["MAX_SETTINGS", "ExactBlock", "GroupSettings", "blocks", "scale_count", "settings_of"]
+__all__ = [
+    "MAX_SETTINGS",
+    "ExactBlock",
+    "GroupSettings",
+    "blocks",
+    "scale_count",
+    "settings_of",
+    "width_of",
+]
 
-MAX_SETTINGS = 20  # the work grows with the cube: 10 take seconds, 20 half a minute
+# The work grows with the cube: 10 take seconds, 20 half a minute. Outputs that err double them.
+MAX_SETTINGS = 20
 
 
 @dataclass(frozen=True)
 class GroupSettings:
     """Controller settings that have one D-scale, and how many loops have them.
 
-    `error` is the permitted error of their outputs, `weight` the uncertainty of their inputs.
+    `error` is the permitted error of their outputs, `weight` the uncertainty of their inputs,
+    `outputs` that of their outputs, if these err.
     """
 
     controller: Controller
     loops: int
     error: float
     weight: TransferFunction
+    outputs: TransferFunction | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +75,8 @@ class ExactBlock:
     ----------
     settings : tuple of int
         Which settings act on each of the k inputs.
+    demanded : tuple of bool
+        Whether a demand is made on each of the k outputs; the controllers of the others are 1.
     weights : tuple of fmpq
         How much each input counts in sums over the inputs, (k,).
     combination : tuple of tuples of fmpq
@@ -71,6 +89,7 @@ class ExactBlock:
     """
 
     settings: tuple[int, ...]
+    demanded: tuple[bool, ...]
     weights: tuple[fmpq, ...]
     combination: tuple[tuple[fmpq, ...], ...]
     factors: tuple[tuple[fmpq, ...], ...]
@@ -95,9 +114,12 @@ def settings_of(
     uncertainty of their inputs are equal too; on a matrix plant each loop has its own.
     """
     weights = [uncertainty.weight_of(unit) for unit in range(len(loops))]
-    own = list(zip(loops, output_scale or (1.0,) * len(loops), weights, strict=True))
+    given = uncertainty.outputs
+    outputs = [None if given is None else given.weight_of(unit) for unit in range(len(loops))]
+    errors = output_scale or (1.0,) * len(loops)
+    own = list(zip(loops, errors, weights, outputs, strict=True))
     counts = Counter(own).items() if plant.interchangeable else [(each, 1) for each in own]
-    return tuple(GroupSettings(loop, count, e, w) for (loop, e, w), count in counts)
+    return tuple(GroupSettings(loop, count, e, w_I, w_O) for (loop, e, w_I, w_O), count in counts)
 
 
 def scale_count(
@@ -106,18 +128,56 @@ def scale_count(
     uncertainty: Uncertainty,
     output_scale: Sequence[float] | None,
 ) -> int:
-    """Return the number of D-scales: one for a full block of uncertainty."""
+    """Return the number of D-scales: one for a full block."""
     if uncertainty.structure is Structure.FULL:
         return 1
-    return len(settings_of(plant, loops, uncertainty, output_scale))
+    return width_of(plant, loops, uncertainty, output_scale)
+
+
+def width_of(
+    plant: Plant,
+    loops: Sequence[Controller],
+    uncertainty: Uncertainty,
+    output_scale: Sequence[float] | None,
+) -> int:
+    """Return the number of different settings; where outputs err, twice that."""
+    count = len(settings_of(plant, loops, uncertainty, output_scale))
+    return count if uncertainty.outputs is None else 2 * count
 
 
 def blocks(plant: Plant, settings: Sequence[GroupSettings]) -> tuple[ExactBlock, ...]:
     """Return the independent blocks of the loop."""
     errors = [exact(group.error) for group in settings]
     if isinstance(plant, ParallelPlant):
-        return _parallel_blocks(plant, [group.loops for group in settings], errors)
-    return (_matrix_block(plant, errors),)
+        found = _parallel_blocks(plant, [group.loops for group in settings], errors)
+    else:
+        found = (_matrix_block(plant, errors),)
+    if any(group.outputs is not None for group in settings):
+        return tuple(_doubled(block, len(settings)) for block in found)
+    return found
+
+
+def _doubled(block: ExactBlock, count: int) -> ExactBlock:
+    """Return the block of the loop whose outputs err, of `count` settings."""
+    size = len(block.settings)
+    rows, none = range(size), (fmpq(0),) * size
+    one = ExactResponse.combined([(1, TransferFunction((1.0,), (1.0,)))])
+    T, factors = block.combination, block.factors
+    return ExactBlock(
+        settings=block.settings + tuple(a + count for a in block.settings),
+        demanded=(True,) * size + (False,) * size,
+        weights=block.weights * 2,
+        combination=(*((*T[r], *none) for r in rows), *((*none, *T[r]) for r in rows)),
+        factors=(
+            *((*none, *T[r]) for r in rows),
+            *((*(-factor for factor in factors[r]), *none) for r in rows),
+        ),
+        responses=(
+            *((one,) * (2 * size) for _ in rows),
+            *((*block.responses[r], *block.responses[r]) for r in rows),
+        ),
+        multiplicity=block.multiplicity,
+    )
 
 
 def _parallel_blocks(
@@ -136,6 +196,7 @@ def _parallel_blocks(
     modes = (mean, *[difference] * (len(sizes) - 1))
     means = ExactBlock(
         settings=tuple(groups),
+        demanded=(True,) * len(sizes),
         weights=tuple(fmpq(size) for size in sizes),
         combination=combination,
         factors=combination,
@@ -145,7 +206,9 @@ def _parallel_blocks(
     return (
         means,
         *(
-            ExactBlock((a,), (fmpq(1),), one, one, ((difference,),), multiplicity=sizes[a] - 1)
+            ExactBlock(
+                (a,), (True,), (fmpq(1),), one, one, ((difference,),), multiplicity=sizes[a] - 1
+            )
             for a in groups
             if sizes[a] > 1
         ),
@@ -156,6 +219,7 @@ def _matrix_block(plant: Plant, errors: Sequence[fmpq]) -> ExactBlock:
     size = range(plant.n)
     return ExactBlock(
         settings=tuple(size),
+        demanded=(True,) * plant.n,
         weights=(fmpq(1),) * plant.n,
         combination=tuple(tuple(fmpq(r == c) for c in size) for r in size),
         factors=tuple(tuple(errors[c] / errors[r] for c in size) for r in size),

@@ -16,7 +16,7 @@ from solver.certificate.enclosed_loop import ExactLoop
 from solver.certificate.enclosures import Interval
 from solver.certificate.proof import Gap, Turns, examine, proven_unstable_poles
 from solver.certificate.record import Certificate, Claim, ProvenInterval
-from solver.certificate.reduction import MAX_SETTINGS, settings_of
+from solver.certificate.reduction import MAX_SETTINGS, width_of
 from solver.certificate.taylor_models import PRECISION
 from solver.model.blocks import group_loops
 from solver.model.neighbours import NeighbourPlant
@@ -31,13 +31,14 @@ if TYPE_CHECKING:
     from solver.model.plants import Plant
     from solver.model.weights import Performance, Uncertainty
 
-__all__ = ["PROVEN_ABOVE", "CertificateFailure", "Obstacle", "certify", "prove"]
+__all__ = ["BEFORE", "PROVEN_ABOVE", "CertificateFailure", "Obstacle", "certify", "prove"]
 
 PROVEN_ABOVE = 1 + 2e-4  # level of a certificate over the peak; a touch cannot be proven
 MAX_ATTEMPTS = 5_000  # about ten seconds for two loops
 BESIDE_A_RESULT = 40_000  # attempts times settings squared: about five seconds
 NARROWEST = 1e-9  # log(ratio of the ends) below which only a touch of the level can be left
 FARTHEST = 1e15  # ratio of the ends of the axis to its middle; no process spans more
+BEFORE = 0.3  # of the beginning of an interval to the end of the axis: where its scales may lie
 WIDER, NARROWER = 1.15, 0.7  # change of log(ratio) after an interval was proven, or not
 
 
@@ -52,7 +53,8 @@ class Obstacle(StrEnum):
     plant's static gain is singular, (c) the plant passes its input on at once and with dead time.
     PROPORTIONAL: a loop lacks integral action, and another has it or no offset is permitted, so
     that no D-scales serve from omega = 0 on.
-    TOO_LARGE: more than `MAX_SETTINGS` loops differ; give some of them equal settings.
+    TOO_LARGE: more than `MAX_SETTINGS` loops differ, half as many where outputs err; give some of
+    them equal settings.
     """
 
     EXCEEDED = "exceeded"
@@ -105,10 +107,8 @@ def certify(
     """
     if isinstance(claim.plant, NeighbourPlant):
         return CertificateFailure(Obstacle.TOO_LARGE)
-    settings = settings_of(
-        claim.plant, claim.loops, claim.uncertainty, claim.performance.output_scale
-    )
-    if len(settings) > MAX_SETTINGS:
+    width = width_of(claim.plant, claim.loops, claim.uncertainty, claim.performance.output_scale)
+    if width > MAX_SETTINGS:
         return CertificateFailure(Obstacle.TOO_LARGE)
     if _leaves_powers(claim):
         return CertificateFailure(Obstacle.PROPORTIONAL)
@@ -156,10 +156,10 @@ class _CertificateSearch:
         """Prove an interval at either end, then march from one to the other."""
         middle = math.exp(-np.mean([math.log(c.integral_time or 1.0) for c in self.controllers]))
         low = high = middle
-        while not self._prove(Interval(0, low), low / 2):
+        while not self._prove_end(Interval(0, low), low / 2, low / BEFORE):
             low /= 4
             self._require(low > middle / FARTHEST, low)
-        while not self._prove(Interval(high, math.inf), 2 * high):
+        while not self._prove_end(Interval(high, math.inf), 2 * high, BEFORE * high):
             high *= 4
             self._require(high < middle * FARTHEST, high)
         log_ratio = math.log(2)
@@ -174,6 +174,16 @@ class _CertificateSearch:
                 log_ratio *= WIDER
             else:
                 log_ratio = NARROWER * math.log(end / low)
+
+    def _prove_end(self, interval: Interval, inside: float, before: float) -> bool:
+        """Whether an interval to an end of the axis is proven by the scales at one of two places.
+
+        Where outputs err the best scales move without bound towards the ends: those of before the
+        interval serve all of it, those within it do not.
+        """
+        if self._prove(interval, inside):
+            return True
+        return self.claim.uncertainty.outputs is not None and self._prove(interval, before)
 
     def _prove(self, interval: Interval, inside: float) -> bool:
         """Whether the interval is proven by the D-scales optimal at the frequency `inside`."""
@@ -202,7 +212,7 @@ class _CertificateSearch:
         t, _, _ = sweep(
             self.blocks.packed(omega),
             np.stack([c.response(omega) for c in self.controllers], axis=-1),
-            self.claim.uncertainty.squared(omega, self.blocks.units),
+            self.blocks.squared(self.claim.uncertainty, omega),
             self.claim.performance.magnitude(omega) ** 2,
             self.blocks.layout,
             all_free=True,
@@ -227,7 +237,7 @@ def prove(
     What takes much longer than the result that it goes with is given up: `certify` goes on.
     """
     claim = Claim(plant, uncertainty, performance, tuple(loops), level)
-    size = len(settings_of(plant, claim.loops, uncertainty, performance.output_scale))
+    size = width_of(plant, claim.loops, uncertainty, performance.output_scale)
     outcome = certify(claim, interrupt, min(MAX_ATTEMPTS, BESIDE_A_RESULT // size**2))
     if isinstance(outcome, Certificate):
         return outcome, []

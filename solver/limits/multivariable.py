@@ -114,6 +114,9 @@ def require_covered(plant: Plant, uncertainty: Uncertainty, performance: Perform
     if uncertainty.unlike_inputs:
         message = "the limit is found for inputs of one uncertainty"
         raise InvalidInputError(message, "/uncertainty")
+    if uncertainty.outputs is not None:
+        message = "the limit is found for errors of the inputs alone"
+        raise InvalidInputError(message, "/uncertainty/outputs")
 
 
 def _realised(search: LimitSearch, best: Found) -> Realised | None:

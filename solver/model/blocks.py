@@ -15,6 +15,11 @@ sigma_max(w_P E^-1 S E). E commutes with the controllers and with diagonal uncer
 the plant E^-1 G E under the same controllers. Of a parallel plant it keeps g on the diagonal, and
 the split holds with the units of equal settings, equal permitted errors *and* equal uncertainty of
 their inputs as groups.
+
+Errors of the outputs, (I + w_O Delta_O) G, are errors of the inputs of a loop twice as wide, with
+the plant [[0, I], [-G, 0]] and the controllers diag(C, I): its second inputs are the outputs of G,
+which become those of the plant by (I + w_O Delta_O). det(I + G C) stays, and only of the first
+outputs anything is demanded. Each block doubles so, and all else takes it for a block like others.
 """
 
 from __future__ import annotations
@@ -41,7 +46,20 @@ if TYPE_CHECKING:
     from solver.model.transfer_function import TransferFunction
     from solver.model.weights import Uncertainty
 
-__all__ = ["Block", "Layout", "LoopBlocks", "WeightedElement", "group_loops", "marks", "reduce"]
+__all__ = [
+    "KNOWN",
+    "Block",
+    "Layout",
+    "LoopBlocks",
+    "WeightedElement",
+    "acting",
+    "group_loops",
+    "marks",
+    "reduce",
+    "with_outputs",
+]
+
+KNOWN = -1  # controller of a channel where an output errs: it is 1
 
 
 class Layout(NamedTuple):
@@ -50,7 +68,7 @@ class Layout(NamedTuple):
     Attributes
     ----------
     channels, scales : (rows,)
-        Controller and D-scale of each row.
+        Controller and D-scale of each row; `KNOWN` where an output errs.
     first : (blocks + 1,)
         First row of each block, with the number of rows at the end.
 
@@ -75,7 +93,7 @@ class Block:
     Parameters
     ----------
     channels : tuple of int
-        Controller of each channel of the block.
+        Controller of each channel of the block; `KNOWN` where an output errs.
     scales : tuple of int
         D-scale of each channel.
     multiplicity : int
@@ -91,6 +109,11 @@ class Block:
     def size(self) -> int:
         """Number of channels."""
         return len(self.channels)
+
+    @property
+    def outputs(self) -> int:
+        """Number of channels that are demanded something of: the first ones."""
+        return sum(channel != KNOWN for channel in self.channels)
 
 
 @dataclass(frozen=True)
@@ -113,6 +136,9 @@ class LoopBlocks:
         their order.
     output_scale : tuple of float or None
         Permitted error of each output; None: all alike.
+    outputs_err : bool
+        Whether the outputs err too: each block then has twice its channels, and the scales of the
+        outputs follow those of the inputs.
 
     """
 
@@ -122,6 +148,7 @@ class LoopBlocks:
     n_scales: int
     parts: tuple[tuple[int, ...], ...]
     output_scale: tuple[float, ...] | None = None
+    outputs_err: bool = False
 
     @property
     def n_controllers(self) -> int:
@@ -134,6 +161,11 @@ class LoopBlocks:
 
     def __call__(self, s: NDArray[np.complex128]) -> tuple[NDArray[np.complex128], ...]:
         """Plant of each block at the complex points `s` (k,): (k, m, m) complex each."""
+        found = self.known(s)
+        return tuple(map(with_outputs, found)) if self.outputs_err else found
+
+    def known(self, s: NDArray[np.complex128]) -> tuple[NDArray[np.complex128], ...]:
+        """Return the same without what is added where outputs err."""
         if isinstance(self.plant, MeasuredPlant):
             return (self.plant.response(s.imag) * self.ratios,)
         if self.modes:
@@ -199,20 +231,32 @@ class LoopBlocks:
         rows = range(self.blocks[index].size)
         return tuple(tuple(entry(row, column) for column in rows) for row in rows)
 
-    @cached_property
-    def units(self) -> tuple[int, ...]:
-        """A unit that stands for each row of all blocks below each other, (rows,)."""
-        if self.modes:
-            return tuple(self.parts[scale][0] for block in self.blocks for scale in block.scales)
-        own = (index for index, part in enumerate(self.parts) if len(part) > 1)
-        return tuple(self.parts[index][0] for index in (*range(len(self.parts)), *own))
+    def responses(self, uncertainty: Uncertainty, omega: ArrayLike) -> NDArray[np.complex128]:
+        """Return the weight of each row, w_I or w_O, at `omega` (k,) rad per time unit, (k, rows).
+
+        `uncertainty` is that which the blocks were made for.
+        """
+        units = [part[0] for part in self.parts]
+        w_I = uncertainty.responses(omega, units)
+        if self.modes or uncertainty.outputs is not None:  # each part has a scale of its own
+            parts = self.layout.scales % len(units)
+            own = w_I[:, parts]
+            if uncertainty.outputs is None:
+                return own
+            w_O = uncertainty.outputs.responses(omega, units)
+            return np.where(self.layout.channels == KNOWN, w_O[:, parts], own)
+        several = [index for index, part in enumerate(self.parts) if len(part) > 1]
+        return np.concatenate([w_I, w_I[:, several]], axis=1)
+
+    def squared(self, uncertainty: Uncertainty, omega: ArrayLike) -> NDArray[np.float64]:
+        """Return the square of the weight of each row's magnitude, (k, rows)."""
+        return np.ascontiguousarray(np.abs(self.responses(uncertainty, omega)) ** 2)
 
     @cached_property
     def ratios(self) -> NDArray[np.float64]:
         """Factors e_c/e_r of the first block's entries, (m, m): E^-1 G E of G."""
-        first = self.blocks[0]
         if self.output_scale is None:
-            return np.ones((first.size, first.size))
+            return np.ones((len(self.parts), len(self.parts)))
         e = np.array([self.output_scale[part[0]] for part in self.parts])
         return np.asarray(e / e[:, None])
 
@@ -271,7 +315,9 @@ class LoopBlocks:
     def renumbered(self, controllers: Sequence[int]) -> LoopBlocks:
         """Return the same, controller j being number `controllers[j]` of a longer list."""
         blocks = (
-            replace(block, channels=tuple(controllers[c] for c in block.channels))
+            replace(
+                block, channels=tuple(c if c == KNOWN else controllers[c] for c in block.channels)
+            )
             for block in self.blocks
         )
         return replace(self, blocks=tuple(blocks))
@@ -315,6 +361,7 @@ def reduce(
         message = "the groups must hold each unit exactly once"
         raise InvalidInputError(message, "/groups")
     full = uncertainty is not None and uncertainty.structure is Structure.FULL
+    err = uncertainty is not None and uncertainty.outputs is not None
     scales = None if output_scale is None else tuple(output_scale)
     if not isinstance(plant, ParallelPlant):
         owner = {unit: index for index, group in enumerate(partition) for unit in group}
@@ -322,7 +369,8 @@ def reduce(
         mark = marks(uncertainty, scales)
         places = period(plant, [(owner[unit], mark(unit)) for unit in range(plant.n)])
         if isinstance(plant, NeighbourPlant) and places is not None and not full:
-            return _ring_blocks(plant, partition, channels, places, scales)
+            found = _ring_blocks(plant, partition, channels, places, scales)
+            return _doubled(found) if err else found
         if isinstance(plant, NeighbourPlant) and plant.n > MAX_LINE and uncertainty is not None:
             message = (
                 f"in a ring of more than {MAX_LINE} units settings, errors and uncertainty "
@@ -330,8 +378,15 @@ def reduce(
             )
             raise InvalidInputError(message, "/plant/n")
         own = (0,) * plant.n if full else tuple(range(plant.n))
-        block = Block(channels, own, 1)
-        return LoopBlocks(plant, partition, (block,), 1 if full else plant.n, plant.kinds, scales)
+        found = LoopBlocks(
+            plant,
+            partition,
+            (Block(channels, own, 1),),
+            1 if full else plant.n,
+            plant.kinds,
+            scales,
+        )
+        return _doubled(found) if err else found
     split = [_alike(group, marks(uncertainty, scales)) for group in partition]
     owners = tuple(index for index, parts in enumerate(split) for _ in parts)
     parts = tuple(itertools.chain.from_iterable(split))
@@ -342,7 +397,36 @@ def reduce(
         for index, (owner, part) in enumerate(zip(owners, parts, strict=True))
         if len(part) > 1
     ]
-    return LoopBlocks(plant, partition, tuple(blocks), 1 if full else size, parts, scales)
+    found = LoopBlocks(plant, partition, tuple(blocks), 1 if full else size, parts, scales)
+    return _doubled(found) if err else found
+
+
+def _doubled(found: LoopBlocks) -> LoopBlocks:
+    """Return the blocks of the loop twice as wide, in which the outputs err."""
+    blocks = (
+        replace(
+            block,
+            channels=block.channels + (KNOWN,) * block.size,
+            scales=block.scales + tuple(scale + found.n_scales for scale in block.scales),
+        )
+        for block in found.blocks
+    )
+    return replace(found, blocks=tuple(blocks), n_scales=2 * found.n_scales, outputs_err=True)
+
+
+def with_outputs(G: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Return [[0, I], [-G, 0]] of G (k, m, m): the plant of a loop whose outputs err."""
+    m = G.shape[1]
+    wide = np.zeros((len(G), 2 * m, 2 * m), dtype=complex)
+    wide[:, :m, m:] = np.eye(m)
+    wide[:, m:, :m] = -G
+    return wide
+
+
+def acting(c: NDArray[np.complex128], channels: Sequence[int]) -> NDArray[np.complex128]:
+    """Return the controller of each channel (k, m) of the responses of all, c (k, controllers)."""
+    index = np.array(channels)
+    return np.where(index == KNOWN, 1.0, c[:, index])
 
 
 def _ring_blocks(
@@ -373,6 +457,9 @@ def marks(
         return (
             None if output_scale is None else output_scale[unit],
             None if uncertainty is None else uncertainty.weight_of(unit),
+            None
+            if uncertainty is None or uncertainty.outputs is None
+            else uncertainty.outputs.weight_of(unit),
         )
 
     return of

@@ -2,10 +2,22 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from solver.model.plants import MatrixPlant, ParallelPlant, Plant
 from solver.model.transfer_function import LARGEST, TransferFunction
 
-__all__ = ["change_dead_time", "change_gain", "change_time_constant", "coupled", "depends_on"]
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+__all__ = [
+    "change_dead_time",
+    "change_gain",
+    "change_time_constant",
+    "coupled",
+    "depends_on",
+    "of_unit",
+]
 
 
 def coupled(plant: Plant, factor: float) -> Plant:
@@ -42,9 +54,29 @@ def change_time_constant(element: TransferFunction, factor: float) -> TransferFu
     return _within(num, den, element.dead_time)
 
 
-def change_dead_time(element: TransferFunction, factor: float) -> TransferFunction:
-    """Return the element with its dead time times `factor`."""
-    return TransferFunction(element.num, element.den, min(element.dead_time * factor, LARGEST))
+def change_dead_time(
+    element: TransferFunction, factor: float, known: float = 0.0
+) -> TransferFunction:
+    """Return the element with its dead time, but for the `known` part of it, times `factor`."""
+    if not element.dead_time > known:
+        return element
+    late = known + (element.dead_time - known) * factor
+    return TransferFunction(element.num, element.den, min(late, LARGEST))
+
+
+def of_unit(
+    plant: Plant, unit: int, change: Callable[[TransferFunction], TransferFunction], *, own: bool
+) -> Plant:
+    """Return the plant with what the input of one unit acts on changed, its `own` output or not."""
+    return MatrixPlant(
+        [
+            [
+                change(element) if column == unit and (own or row != unit) else element
+                for column, element in enumerate(elements)
+            ]
+            for row, elements in enumerate(plant.rows)
+        ]
+    )
 
 
 def _within(num: list[float], den: list[float], dead_time: float) -> TransferFunction:

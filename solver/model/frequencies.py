@@ -42,7 +42,7 @@ def corners(
     """
     functions: list[TransferFunction] = list(plant.elements)
     if uncertainty is not None:
-        functions += uncertainty.weights
+        functions += uncertainty.all_weights
     found = _corners_of_functions(functions)
     for loop in set(loops):
         times = (loop.integral_time, loop.derivative_time, loop.lag_time)

@@ -63,6 +63,10 @@ def require_fit(plant: Plant, uncertainty: Uncertainty, performance: Performance
     if isinstance(weight, tuple) and len(weight) != plant.n:
         message = f"{len(weight)} uncertainties for a plant of {plant.n} inputs: one an input"
         raise InvalidInputError(message, "/uncertainty")
+    outputs = None if uncertainty.outputs is None else uncertainty.outputs.weight
+    if isinstance(outputs, tuple) and len(outputs) != plant.n:
+        message = f"{len(outputs)} uncertainties for a plant of {plant.n} outputs: one an output"
+        raise InvalidInputError(message, "/uncertainty/outputs")
     where = "/performance/output_scale"
     scales = performance.output_scale
     if scales is not None and len(scales) != plant.n:

@@ -1,4 +1,4 @@
-"""The weights of the robust performance problem: input uncertainty w_I and performance w_P.
+"""The weights of the robust performance problem: uncertainty w_I, w_O and performance w_P.
 
 Skogestad, Lundstrom and Hovd (1989), eqs. 27 and 29. Eq. 27 is misprinted there; the weight
 below is the one with which the published settings give mu = 1.
@@ -44,7 +44,7 @@ class Structure(StrEnum):
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """Multiplicative input uncertainty G (I + w_I Delta_I), |Delta_I| <= 1.
+    """Multiplicative uncertainty (I + w_O Delta_O) G (I + w_I Delta_I), |Delta| <= 1.
 
     Parameters
     ----------
@@ -53,11 +53,15 @@ class Uncertainty:
         axis or to its right. One for all inputs, or one an input.
     structure : Structure or str
         DIAGONAL: the actuators err independently. FULL: they may err in concert.
+    outputs : Uncertainty or None
+        That of the outputs, the errors of the sensors: independent, w_O its `weight`. Besides
+        independent inputs only. None: the outputs are known.
 
     """
 
     weight: TransferFunction | tuple[TransferFunction, ...]
     structure: Structure = Structure.DIAGONAL
+    outputs: Uncertainty | None = None
 
     def __post_init__(self) -> None:
         if isinstance(self.weight, list | tuple):
@@ -74,6 +78,20 @@ class Uncertainty:
             if np.any(weight.poles.real >= 0):
                 message = "the uncertainty weight must be stable"
                 raise InvalidInputError(message, f"{field}/den")
+        if self.outputs is not None:
+            self._check_outputs(self.outputs)
+
+    def _check_outputs(self, outputs: Uncertainty) -> None:
+        instance(outputs, Uncertainty, "/outputs")
+        if outputs.outputs is not None:
+            message = "the uncertainty of the outputs has no outputs of its own"
+            raise InvalidInputError(message, "/outputs/outputs")
+        if outputs.structure is Structure.FULL:
+            message = "the outputs err independently: the structure full is for inputs alone"
+            raise InvalidInputError(message, "/outputs/structure")
+        if self.structure is Structure.FULL:
+            message = "errors of the outputs go with independent inputs, not with a full block"
+            raise InvalidInputError(message, "/outputs")
 
     @classmethod
     def from_error(
@@ -143,20 +161,28 @@ class Uncertainty:
         """Return w_I of an input."""
         return self.weight[unit] if isinstance(self.weight, tuple) else self.weight
 
+    @property
+    def unlike_units(self) -> bool:
+        """Whether the units differ in the uncertainty of their inputs or outputs."""
+        return self.unlike_inputs or (self.outputs is not None and self.outputs.unlike_inputs)
+
+    @property
+    def all_weights(self) -> tuple[TransferFunction, ...]:
+        """The weights of the inputs, and those of the outputs."""
+        return self.weights if self.outputs is None else self.weights + self.outputs.weights
+
     def of_units(self, units: Sequence[int]) -> Uncertainty:
-        """Return the uncertainty of some of the inputs."""
-        if not isinstance(self.weight, tuple):
-            return self
-        return replace(self, weight=tuple(self.weight[unit] for unit in units))
+        """Return the uncertainty of some of the units."""
+        weight = self.weight
+        if isinstance(weight, tuple):
+            weight = tuple(weight[unit] for unit in units)
+        outputs = None if self.outputs is None else self.outputs.of_units(units)
+        return replace(self, weight=weight, outputs=outputs)
 
     def responses(self, omega: ArrayLike, units: Sequence[int]) -> NDArray[np.complex128]:
         """Return w_I of the inputs `units` (m,) at `omega` (k,) rad per time unit, (k, m)."""
         found = {w: w.response(omega) for w in {self.weight_of(unit) for unit in units}}
         return np.stack([found[self.weight_of(unit)] for unit in units], axis=-1)
-
-    def squared(self, omega: ArrayLike, units: Sequence[int]) -> NDArray[np.float64]:
-        """Return |w_I|^2 of the inputs `units` (m,) at `omega` (k,) rad per time unit, (k, m)."""
-        return np.ascontiguousarray(np.abs(self.responses(omega, units)) ** 2)
 
     def magnitude(self, omega: ArrayLike) -> NDArray[np.float64]:
         """Return |w_I| of the most uncertain input at `omega` (rad per time unit), (k,)."""

@@ -15,7 +15,7 @@ from solver.mu import one_scale, side_by_side
 from solver.mu.batch import batch
 from solver.mu.kernel import FINE, balance, sensitivities, solve
 from solver.mu.structure import BlockStructure, Bound, bound_of_scales
-from solver.mu.workspace import Factors, compiled, inner, workspace
+from solver.mu.workspace import Factors, compiled, inner, square, workspace
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -200,15 +200,14 @@ def _sweep(G, c, u, b, layout, all_free, nu, cold, y, scratch, ws, t, slope, det
             lo = first[block]
             size = first[block + 1] - lo
             det[k, block] = _sensitivity(G[k], c[k], channels, lo, size, scratch.elimination, S, SG)
-            if not b[k] > 0.0:
-                for i in range(lo, lo + size):
-                    for j in range(size):
+            for j in range(size):  # columns of what no demand is made of
+                if channels[lo + j] < 0 or not b[k] > 0.0:
+                    for i in range(lo, lo + size):
                         S[i, j] = 0j
         for i in range(rows):
-            ci = c[k, channels[i]]
-            p[i] = u[k, i] * (ci.real * ci.real + ci.imag * ci.imag)
-            scratch.b[i] = b[k]
-            scratch.b_small[i] = 1e-6 * b[k]
+            p[i] = u[k, i] * square(_acting(c[k], channels[i]))
+            scratch.b[i] = b[k] if channels[i] >= 0 else 0.0
+            scratch.b_small[i] = 1e-6 * scratch.b[i]
         if closed_form:
             barrier = nu if nu > FINE else 0.0
             t[k], x[0], total = one_scale.solve(SG, S, p[0], b[k], all_free, barrier, A, mixed)
@@ -225,6 +224,8 @@ def _sweep(G, c, u, b, layout, all_free, nu, cold, y, scratch, ws, t, slope, det
             continue
         p_level = math.exp(t[k]) if all_free else 1.0
         for i in range(rows):
+            if channels[i] < 0:
+                continue
             ci = c[k, channels[i]]
             own = p_level * u[k, i] * x[scales[i]] * A[i] * np.conj(ci)
             slope[k, channels[i]] -= 2.0 * (own - mixed[i]) * (1.0 / total)
@@ -244,6 +245,8 @@ def _is_closed_form(layout, n_scales):
 def _is_small(layout, n_scales):
     """Whether `solver.mu.side_by_side` can solve it."""
     small = n_scales <= 2 and not _is_closed_form(layout, n_scales)
+    for channel in layout.channels:
+        small = small and channel >= 0
     for block in range(layout.first.size - 1):
         small = small and layout.first[block + 1] - layout.first[block] <= 2
     return small
@@ -277,10 +280,16 @@ def _solve_from(factors, scratch, y, nu, ws):
 
 
 @inner
+def _acting(c, channel):
+    """Return the controller of a channel; 1 in the channel of an output's error."""
+    return c[channel] if channel >= 0 else 1.0 + 0j
+
+
+@inner
 def _sensitivity(G, c, channels, lo, size, E, S, SG):
     """det(I + G C), and S = (I + G C)^-1 and S G of the block whose first row is `lo`."""
     if size == 2:
-        c1, c2 = c[channels[lo]], c[channels[lo + 1]]
+        c1, c2 = _acting(c, channels[lo]), _acting(c, channels[lo + 1])
         g11, g12, g21, g22 = G[lo, 0], G[lo, 1], G[lo + 1, 0], G[lo + 1, 1]
         e11, e12, e21, e22 = 1.0 + g11 * c1, g12 * c2, g21 * c1, 1.0 + g22 * c2
         det = e11 * e22 - e12 * e21
@@ -294,7 +303,7 @@ def _sensitivity(G, c, channels, lo, size, E, S, SG):
     det = 1.0 + 0j
     for i in range(size):
         for j in range(size):
-            E[i, j] = G[lo + i, j] * c[channels[lo + j]]
+            E[i, j] = G[lo + i, j] * _acting(c, channels[lo + j])
             E[i, size + j] = 0j
         E[i, i] += 1.0
         E[i, size + i] = 1.0 + 0j

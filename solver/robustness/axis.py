@@ -11,14 +11,15 @@ where the proof reaches 0 and infinity: the loop's own, not those of the plant's
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from solver.certificate.enclosed_loop import ExactLoop
 from solver.certificate.record import Claim
-from solver.certificate.reduction import settings_of
+from solver.certificate.reduction import width_of
+from solver.certificate.search import BEFORE
 from solver.model.blocks import group_loops
 from solver.model.errors import InvalidInputError
 from solver.model.neighbours import NeighbourPlant
@@ -138,17 +139,28 @@ def proven_peaks(
     analysis = LoopAnalysis(blocks, controllers, uncertainty, performance)
     require_bounded(analysis, loops)
     compiled = _compiled(plant, uncertainty, performance, loops)
+    known, known_compiled = analysis, compiled
+    if uncertainty.outputs is not None:  # nominal performance and stability are as without errors
+        without = replace(uncertainty, outputs=None)
+        known = LoopAnalysis(
+            *group_loops(plant, loops, without, performance.output_scale), without, performance
+        )
+        known_compiled = _compiled(plant, without, performance, loops)
     omega = analysis.omega
     sampled = [analysis.level(kind, omega) for kind in (ROBUST, STABILITY, NOMINAL)]
     curves = Curves(omega, *(values for values, _ in sampled))
     searches = [
-        _CurveSearch(analysis, compiled, kind, greatest(*found), refined=found[0])
+        _CurveSearch(
+            known if kind == NOMINAL else analysis,
+            known_compiled if kind == NOMINAL else compiled,
+            kind, greatest(*found), refined=found[0],
+        )
         for kind, found in zip((ROBUST, STABILITY, NOMINAL), analysis.maxima(curves), strict=True)
-    ]
-    for search, samples in zip(searches, sampled, strict=True):
-        search.take(omega, *samples)
+    ]  # fmt: skip
+    for search, (values, d) in zip(searches, sampled, strict=True):
+        search.take(omega, values, d[:, : search.analysis.blocks.n_scales])
         search.close()
-    unstable = None if compiled is None else _count(*compiled, analysis)
+    unstable = None if known_compiled is None else _count(*known_compiled, known)
     reason = searches[0].reason
     if reason is None and unstable is None:
         reason = "nominal stability was counted, not proven"
@@ -226,7 +238,8 @@ def require_bounded(analysis: LoopAnalysis, loops: Sequence[Controller]) -> None
 
 def proven_count(plant: Plant, loops: Sequence[Controller], analysis: LoopAnalysis) -> int | None:
     """Count the closed-loop poles with Re s >= 0 by proof; None where none was found."""
-    compiled = _compiled(plant, analysis.uncertainty, analysis.performance, loops)
+    known = replace(analysis.uncertainty, outputs=None)  # poles are those without errors
+    compiled = _compiled(plant, known, analysis.performance, loops)
     return None if compiled is None else _count(*compiled, analysis)
 
 
@@ -236,7 +249,7 @@ def _compiled(
     """Return the loop for the compiled enclosures; None where it has too many settings."""
     if isinstance(plant, NeighbourPlant):
         return None  # the cosines of its modes are no rational numbers
-    if len(settings_of(plant, loops, uncertainty, performance.output_scale)) > MOST_PROVEN:
+    if width_of(plant, loops, uncertainty, performance.output_scale) > MOST_PROVEN:
         return None
     level = 1.0  # each march brings its own
     T = tables(
@@ -285,7 +298,9 @@ class _CurveSearch:
             start = int(np.searchsorted(self.omega, far[0]))
             self._refine(np.array([start + int(np.argmax(self.values[start:]))]))
         if self.compiled is None:
-            self.reason = f"more than {MOST_PROVEN} loops differ"
+            err = self.analysis.uncertainty.outputs is not None
+            most = MOST_PROVEN // 2 if err else MOST_PROVEN
+            self.reason = f"more than {most} loops differ"
             if isinstance(self.analysis.blocks.plant, NeighbourPlant):
                 self.reason = f"rings and rows of more than {MAX_MATRIX_SIZE} units are not proven"
             self._resolve()
@@ -338,8 +353,11 @@ class _CurveSearch:
         place = -1 if upper else 0
         if self._holds_beyond(T, S, start, self.y[place], self.peak.value, upper=upper):
             return self._lowered(start) if upper else start
-        # Inside the interval, where one set of scales serves best.
-        inside = 2 * ends if upper else 0.5 * ends
+        # Inside the interval, where one set of scales serves best; where outputs err they move
+        # without bound in it, and those of before it serve.
+        err = self.analysis.uncertainty.outputs is not None
+        shift = BEFORE if err and self.curve == ROBUST else 2.0
+        inside = ends * shift if upper else ends / shift
         for first in range(0, ends.size, 3):
             part = slice(first, first + 3)
             values, d = self.analysis.level(self.curve, inside[part])
@@ -369,8 +387,13 @@ class _CurveSearch:
         return end
 
     def _any_phase_bound(self, end: float) -> float:
-        """Return a bound of the curve over all omega >= `end`, whatever the phases."""
+        """Return a bound of the curve over all omega >= `end`, whatever the phases.
+
+        Infinite where outputs err: none is known.
+        """
         analysis = self.analysis
+        if analysis.uncertainty.outputs is not None:
+            return math.inf
         loops = analysis.blocks.expand(analysis.controllers)
         return bound_beyond(
             analysis.blocks.plant, analysis.uncertainty, analysis.performance, loops,

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from solver.model.blocks import acting
 from solver.mu.structure import BlockStructure, bound_of_scales
 from solver.robustness.worst_case import interconnection
 
@@ -26,7 +27,7 @@ def interconnections(
     w_I: NDArray[np.complex128],
     w_P: NDArray[np.complex128],
 ) -> list[NDArray[np.complex128]]:
-    """Return N_RP of each block, (k, 2 size, 2 size).
+    """Return N_RP of each block, (k, size + outputs, size + outputs).
 
     Parameters
     ----------
@@ -45,9 +46,10 @@ def interconnections(
     return [
         interconnection(
             G[:, first : first + block.size, : block.size],
-            c[:, list(block.channels)],
+            acting(c, block.channels),
             w_I[:, first : first + block.size],
             w_P,
+            block.outputs,
         )
         for block, first in zip(blocks.blocks, blocks.layout[2], strict=False)
     ]
@@ -66,7 +68,7 @@ def greatest_bound(
     ----------
     blocks : LoopBlocks
         The reduced plant.
-    matrices : sequence of (k, 2 size, 2 size) complex
+    matrices : sequence of (k, size + outputs, size + outputs) complex
         N_RP of each block.
     d : (k, scales)
         D-scales, which blocks may share.
@@ -78,7 +80,7 @@ def greatest_bound(
     for block, N in zip(blocks.blocks, matrices, strict=True):
         used = sorted(set(block.scales))
         scales = tuple(used.index(scale) for scale in block.scales)
-        rows = block.size if performance else 0
+        rows = block.outputs if performance else 0
         part = N if performance else N[:, : block.size, : block.size]
         found.append(bound_of_scales(part, d[:, used], BlockStructure(scales, rows)).mu)
     return np.asarray(np.max(found, axis=0))

@@ -106,6 +106,9 @@ def analyse_centralised(
     if uncertainty.unlike_inputs:
         message = "full controllers need inputs of one uncertainty"
         raise InvalidInputError(message, "/uncertainty")
+    if uncertainty.outputs is not None:
+        message = "full controllers are analysed with errors of the inputs alone"
+        raise InvalidInputError(message, "/uncertainty/outputs")
     instance(controller, FullController, "/controller")
     require_supported(plant)
     blocks, controllers = _paired(plant, uncertainty, controller)

@@ -117,13 +117,13 @@ def _stacked(
     blocks: LoopBlocks, matrices: list[NDArray[np.complex128]]
 ) -> tuple[NDArray[np.complex128], BlockStructure]:
     """Return all blocks as one matrix, uncertain channels first; they share their scales."""
-    sizes = [block.size for block in blocks.blocks]
-    total = sum(sizes)
-    N = np.zeros((2 * total, 2 * total), dtype=complex)
-    first = 0
-    for size, matrix in zip(sizes, matrices, strict=True):
-        own = np.arange(first, first + size)
-        place = np.concatenate([own, total + own])
+    total = sum(block.size for block in blocks.blocks)
+    demanded = sum(block.outputs for block in blocks.blocks)
+    N = np.zeros((total + demanded, total + demanded), dtype=complex)
+    first, last = 0, total
+    for block, matrix in zip(blocks.blocks, matrices, strict=True):
+        ends = first + block.size, last + block.outputs
+        place = np.concatenate([np.arange(first, ends[0]), np.arange(last, ends[1])])
         N[np.ix_(place, place)] = matrix
-        first += size
-    return N, BlockStructure(tuple(s for block in blocks.blocks for s in block.scales), total)
+        first, last = ends
+    return N, BlockStructure(tuple(s for block in blocks.blocks for s in block.scales), demanded)

@@ -79,7 +79,7 @@ class LoopAnalysis:
         return self._scales(self._at(omega), 1.0)
 
     def matrices(self, omega: NDArray[np.float64]) -> list[NDArray[np.complex128]]:
-        """N_RP of each block, (k, 2 m, 2 m) complex: uncertain channels first."""
+        """N_RP of each block, (k, m + its outputs, ...) complex: uncertain channels first."""
         return self._at(omega).matrices
 
     def resolved(self, omega: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -90,8 +90,10 @@ class LoopAnalysis:
         """
         sound = np.ones(omega.size, dtype=bool)
         c = np.stack([controller.response(omega) for controller in self.controllers], axis=-1)
-        for block, G in zip(self.blocks.blocks, self.blocks.response(omega), strict=True):
-            E = np.eye(block.size) + G * c[:, None, list(block.channels)]
+        for block, G in zip(
+            self.blocks.blocks, self.blocks.known(np.complex128(1j) * omega), strict=True
+        ):
+            E = np.eye(block.outputs) + G * c[:, None, list(block.channels[: block.outputs])]
             usable = np.isfinite(E).all(axis=(1, 2)) & ~has_empty_line(E)
             sound &= usable
             sound[usable] &= np.linalg.cond(equilibrate(E[usable])) < BEST_CONDITION
@@ -178,7 +180,7 @@ class LoopAnalysis:
     def _at(self, omega: NDArray[np.float64]) -> _KernelData:
         c = np.stack([controller.response(omega) for controller in self.controllers], axis=-1)
         G = self.blocks.packed(omega)
-        w_I = self.uncertainty.responses(omega, self.blocks.units)
+        w_I = self.blocks.responses(self.uncertainty, omega)
         w_P = self.performance.weight.response(omega)
         matrices = interconnections(self.blocks, G, c, w_I, w_P)
         return _KernelData(G, c, np.abs(w_I) ** 2, np.abs(w_P) ** 2, matrices)

@@ -7,7 +7,9 @@ With E = I + G C, X = diag(d_i^2) and the diagonal M, all in the coordinates of
 
 is positive definite iff sigma_max(D N_RP D^-1) < gamma (`solver.certificate.enclosed_loop`).
 Without the last term and w_P it says the same of w_I C S G, without the middle one and w_I of
-w_P S. The loop comes from the certificate's exact numbers, each rounded once.
+w_P S. Where outputs err, the second half of them is not demanded anything of: w_P and the 1 of the
+last term are 0 there, and the columns of their controllers, which are 1, need no power of s. The
+loop comes from the certificate's exact numbers, each rounded once.
 """
 
 import math
@@ -140,17 +142,19 @@ def _powers(models, var, count, spare, out):
 
 @inner
 def _enclose_matrices(T, S, var, block):
-    """Models of T G and sigma T (I + G C) of a block, its rows multiplied by powers of sigma."""
+    """Models of T G and T (I + G C) of a block, rows and columns multiplied by powers of sigma."""
     models, spare = (S.P, S.sizes, S.radius), S.spare
     row, entry = T.row0[block], T.entry0[block]
     size = T.row0[block + 1] - row
     for r in range(size):
         _powers(models, var, T.row_integrators[row + r] + T.raised, spare, spare + 3)
+        _powers(models, var, T.row_integrators[row + r], spare, spare + 4)
         for i in range(size):
+            raised = T.settings[row + i] < T.settings_count
             at = r * size + i
             copy_scaled(models, S.uses + T.use[entry + at], T.factor[entry + at], S.G + at)
             multiply(models, S.G + at, T.settings[row + i], S.E + at)
-            shift(models, S.E + at, T.combination[entry + at], spare + 3)
+            shift(models, S.E + at, T.combination[entry + at], spare + (3 if raised else 4))
             finish(models, S.E + at)
 
 
@@ -170,7 +174,7 @@ def _form(T, S, var, block, x, level2, kind):
             finish(models, spare + 1)
             own = setting if T.uncertainties > 1 else 0
             multiply(models, spare + 1, T.controllers + 1 + own, spare)
-        if kind != STABILITY:
+        if kind != STABILITY and T.demanded[row + i]:
             shift(models, spare, 1.0, T.controllers)
             finish(models, spare)
         if not reciprocal(models, spare, S.M + i):
@@ -184,6 +188,8 @@ def _form(T, S, var, block, x, level2, kind):
             if kind != STABILITY:
                 constant = 0.0
                 for i in range(size):
+                    if not T.demanded[row + i]:
+                        continue
                     constant += (
                         T.weights[row + i]
                         * T.combination[entry + r * size + i]
@@ -408,9 +414,10 @@ def holds(T, S, low, high, x, level2, kind, angles):
     if kind == TURN:
         for block in range(angles.size):
             angles[block] += S.found[block]
-            if tail:  # there the rows lack their powers of s, which turn by a quarter each
-                powers = T.raised * (T.row0[block + 1] - T.row0[block])
+            if tail:  # there rows and columns lack their powers of s, which turn by a quarter each
+                powers = 0
                 for row in range(T.row0[block], T.row0[block + 1]):
                     powers += T.row_integrators[row]
+                    powers += T.raised if T.settings[row] < T.settings_count else 0
                 angles[block] -= 0.5 * powers
     return True

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solver.model.blocks import reduce
+from solver.model.blocks import reduce, with_outputs
 from solver.model.memory import batch_length
 from solver.model.peaks import Peak, tops, zoom
+from solver.model.weights import Uncertainty
 from solver.mu.kernel import FINE
 from solver.mu.scaling import sweep
 from solver.robustness.block_bounds import greatest_bound, interconnections
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from solver.model.blocks import LoopBlocks
-    from solver.model.weights import Performance, Uncertainty
+    from solver.model.weights import Performance
     from solver.robustness.subsets import Subsets
 
 __all__ = ["peaks"]
@@ -127,6 +128,8 @@ class _Family:
             units = channels[0].tolist()
             groups = [range(row, row + 1) for row in range(len(units))]
         alike = replace(uncertainty, weight=uncertainty.weight_of(0))
+        if alike.outputs is not None:
+            alike = replace(alike, outputs=Uncertainty(alike.outputs.weight_of(0)))
         blocks = reduce(plant.part(units), groups, alike)
         return cls(subsets, channels, counts, blocks, uncertainty, performance, errors)
 
@@ -203,19 +206,24 @@ class _Family:
         if self.errors is not None:  # E^-1 G E, see `solver.model.blocks`
             e = self.errors[channels]
             means *= e[:, None, :] / e[:, :, None]
-        rows, size = int(self.blocks.layout[2][-1]), channels.shape[1]
-        G = np.zeros((omega.size, rows, size), dtype=complex)
-        G[:, :size] = means
-        if rows > size:
-            G[:, size:, 0] = self.subsets.modes(omega)[0][:, None]
-        w_I = self.uncertainty.responses(omega, range(len(self.uncertainty.weights)))
-        if w_I.shape[1] > 1:  # one a group of the subsets, of which each has its own
-            w_I = np.take_along_axis(w_I, channels, axis=1)
-        w_I = np.broadcast_to(w_I, (omega.size, size))
-        if rows > size:  # the differences within groups follow those with two units or more
-            w_I = np.concatenate([w_I, w_I[:, self.repeated]], axis=1)
+        outputs = self.uncertainty.outputs
+        own = [_each(self.uncertainty, omega, channels)]
+        if outputs is not None:
+            own.append(_each(outputs, omega, channels))
+            means = with_outputs(means)
+        width = means.shape[1]
+        G = np.zeros((omega.size, int(self.blocks.layout.first[-1]), width), dtype=complex)
+        G[:, :width] = means
+        weights = own.copy()
+        if self.repeated:
+            mode = self.subsets.modes(omega)[0][:, None, None]
+            mode = mode if outputs is None else with_outputs(mode)
+            # The differences within groups follow those with two units or more.
+            for index, first in zip(self.repeated, self.blocks.layout.first[1:], strict=False):
+                G[:, first : first + mode.shape[1], : mode.shape[1]] = mode
+                weights += [weight[:, [index]] for weight in own]
         w_P = self.performance.weight.response(omega)
-        return _Loops(G, c, w_I, w_P, split)
+        return _Loops(G, c, np.concatenate(weights, axis=1), w_P, split)
 
     def _sweep(self, loops: _Loops, nu: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Level (k,) and D-scales (k, scales)."""
@@ -233,6 +241,16 @@ class _Family:
             for part in (slice(loops.split), slice(loops.split, None))
         ]  # fmt: skip
         return np.concatenate(level), np.exp(0.5 * y)
+
+
+def _each(
+    uncertainty: Uncertainty, omega: NDArray[np.float64], channels: NDArray[np.intp]
+) -> NDArray[np.complex128]:
+    """Return the weight of each channel's controller, (k, m): each has its own, or all have one."""
+    weights = uncertainty.responses(omega, range(len(uncertainty.weights)))
+    if weights.shape[1] > 1:
+        return np.take_along_axis(weights, channels, axis=1)
+    return np.broadcast_to(weights, channels.shape)
 
 
 @dataclass(frozen=True)

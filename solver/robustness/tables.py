@@ -51,6 +51,8 @@ class Tables(NamedTuple):
     weights: NDArray[np.float64]
     row_integrators: NDArray[np.int64]
     raised: int
+    settings_count: int
+    demanded: NDArray[np.bool_]
     multiplicity: NDArray[np.int64]
     combination: NDArray[np.float64]
     factor: NDArray[np.float64]
@@ -62,7 +64,8 @@ def tables(loop: ExactLoop) -> Tables:
     """Return a loop's numbers as compiled code wants them."""
     terms: list[tuple[fmpq, Ratio]] = [(fmpq(0), ratio) for ratio in loop.controllers]
     terms.append((fmpq(0), loop.performance))
-    jobs = [(index, loop.raised, index, True) for index in range(len(terms))]
+    jobs = [(index, loop.powers(index), index, True) for index in range(len(loop.controllers))]
+    jobs.append((len(loop.controllers), loop.raised, len(loop.controllers), True))
     functions = len(terms)
     for response in loop.uncertainties:
         start = len(terms)
@@ -120,6 +123,8 @@ def tables(loop: ExactLoop) -> Tables:
         weights=np.array([_double(w) for block in loop.blocks for w in block.weights]),
         row_integrators=np.array([count for block in loop.blocks for count in block.integrators]),
         raised=loop.raised,
+        settings_count=loop.settings,
+        demanded=np.array([demanded for block in loop.blocks for demanded in block.demanded]),
         multiplicity=np.array([block.multiplicity for block in loop.blocks]),
         combination=_entries([block.combination for block in loop.blocks]),
         factor=_entries([block.factors for block in loop.blocks]),

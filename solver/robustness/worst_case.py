@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solver.model.blocks import reduce
+from solver.model.blocks import KNOWN, reduce
 from solver.model.transfer_function import MAX_ORDER, TransferFunction
 from solver.model.weights import Structure
 from solver.mu.lower_bound import MuLowerBound, lower_bound
@@ -88,12 +88,14 @@ class RankOnePerturbation:
 class WorstCase:
     """The perturbation that attains the lower bound `mu` of the peak, at `omega`.
 
-    `performance` acts on outputs in units of their permitted errors where there are any.
+    `outputs` are the errors of the outputs, (I + w_O Delta_O), None where they are known; its
+    `actuators` then are 1 + w_O delta, what multiplies those outputs. `performance` acts on outputs
+    in units of their permitted errors where there are any.
 
-    Its size is 1/mu. With it the input uncertainty G (I + w_I Delta_I), w_I without its dead time
-    if it has one, gives sigma_max(w_P S_p) = mu at `omega`, and the loop closed by `performance`
-    is on the verge of instability there. `upper_bound` is mu's at the same frequency, and `gap`
-    the relative distance of the two.
+    Its size is 1/mu. With it the uncertainty (I + w_O Delta_O) G (I + w_I Delta_I), the weights
+    without their dead time if they have one, gives sigma_max(w_P S_p) = mu at `omega`, and the loop
+    closed by `performance` is on the verge of instability there. `upper_bound` is mu's at the same
+    frequency, and `gap` the relative distance of the two.
     """
 
     omega: float
@@ -102,6 +104,7 @@ class WorstCase:
     gap: float
     uncertainty: DiagonalPerturbation | RankOnePerturbation
     performance: RankOnePerturbation
+    outputs: DiagonalPerturbation | None = None
 
     @property
     def warning(self) -> str | None:
@@ -145,6 +148,9 @@ def worst_case(
     )
     Delta = attained.bound.Delta[worst] / mu
     units, size = attained.units, len(attained.units)
+    uncertain, outputs = attained.structure.size - attained.structure.performance, None
+    if uncertainty.outputs is not None:
+        outputs = _diagonal(units, np.diag(Delta)[size:uncertain], at, uncertainty.outputs)
     return WorstCase(
         omega=at,
         mu=mu,
@@ -153,7 +159,8 @@ def worst_case(
         uncertainty=_rank_one(units, Delta[:size, :size], at)
         if uncertainty.structure is Structure.FULL
         else _diagonal(units, np.diag(Delta)[:size], at, uncertainty),
-        performance=_rank_one(units, Delta[size:, size:], at),
+        performance=_rank_one(units, Delta[uncertain:, uncertain:], at),
+        outputs=outputs,
     )
 
 
@@ -172,7 +179,10 @@ def lower_bounds(
 
 @dataclass(frozen=True)
 class _Attained:
-    """N (k, 2r, 2r) of the split loop, the units of its r channels, and its bounds."""
+    """N (k, 2r, 2r) of the split loop, the units of its r channels, and its bounds.
+
+    Where outputs err N is (k, 3r, 3r).
+    """
 
     units: list[tuple[int, ...]]
     N: NDArray[np.complex128]
@@ -192,20 +202,24 @@ def _attained(  # noqa: PLR0917 - as its two callers have them
     full = uncertainty.structure is Structure.FULL
     halves = [(half, part) for part, units in enumerate(blocks.parts) for half in _split(units)]
     split = reduce(blocks.plant, [half for half, _ in halves], uncertainty, blocks.output_scale)
-    channels = [halves[channel] for channel in split.blocks[0].channels]
-    size = len(channels)
+    channels = [halves[channel] for channel in split.blocks[0].channels if channel != KNOWN]
+    size, uncertain = len(channels), split.blocks[0].size
     group = blocks.blocks[0].channels
+    c = np.stack([controllers[group[part]].response(omega) for _, part in channels], axis=1)
+    errors = [uncertainty] if uncertainty.outputs is None else [uncertainty, uncertainty.outputs]
+    weights = [_rational(each.weight_of(half[0])) for each in errors for half, _ in channels]
     N = interconnection(
         split.response(omega)[0],
-        np.stack([controllers[group[part]].response(omega) for _, part in channels], axis=1),
-        np.stack(
-            [_rational(uncertainty.weight_of(half[0])).response(omega) for half, _ in channels],
-            axis=1,
-        ),
+        np.concatenate([c, np.ones((omega.size, uncertain - size))], axis=1),
+        np.stack([weight.response(omega) for weight in weights], axis=1),
         performance.weight.response(omega),
+        size,
     )
-    owner = [0] if full else [part for _, part in channels]
-    structure = BlockStructure((0,) * size if full else tuple(range(size)), size)
+    parts = [part for _, part in channels]
+    owner = [0] if full else parts
+    if uncertainty.outputs is not None:
+        owner = [*parts, *(part + len(blocks.parts) for part in parts)]
+    structure = BlockStructure((0,) * size if full else tuple(range(uncertain)), size)
     d = scales[:, owner]
     return _Attained([half for half, _ in channels], N, structure, d, lower_bound(N, structure, d))
 
@@ -248,10 +262,12 @@ def interconnection(
     c: NDArray[np.complex128],
     w_I: NDArray[np.complex128],
     w_P: NDArray[np.complex128],
+    outputs: int,
 ) -> NDArray[np.complex128]:
-    """Return N_RP (k, 2r, 2r), SLH eq. 31, with the sign of the negative feedback.
+    """Return N_RP (k, r + outputs, r + outputs), SLH eq. 31, with the sign of negative feedback.
 
-    G : (k, r, r); c : (k, r), the controllers; w_I : (k, r); w_P : (k,); all complex.
+    G : (k, r, r); c : (k, r), the controllers; w_I : (k, r); w_P : (k,); all complex. The demand is
+    made on the first `outputs` outputs.
     """
     size = G.shape[1]
     identity = np.eye(size)
@@ -260,7 +276,8 @@ def interconnection(
     S = CS / c[:, :, None]
     right = np.concatenate([G, np.broadcast_to(identity, G.shape)], axis=2)
     left = np.concatenate([-w_I[:, :, None] * CS, w_P[:, None, None] * S], axis=1)
-    product: NDArray[np.complex128] = left @ right
+    kept = size + outputs
+    product: NDArray[np.complex128] = left[:, :kept] @ right[:, :, :kept]
     return product
 
 

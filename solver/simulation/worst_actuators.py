@@ -62,6 +62,9 @@ def worst_actuators(
     """
     loops = require_loops(plant, loops)
     require_weights(plant, uncertainty, performance)
+    if uncertainty.outputs is not None:
+        message = "the worst case is simulated for errors of the inputs: leave out those of outputs"
+        raise InvalidInputError(message, "/uncertainty/outputs")
     if not is_stable(plant, loops):
         raise InvalidInputError(_UNSTABLE, "/loops")
     blocks, controllers = group_loops(plant, loops, uncertainty, performance.output_scale)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from solver.model.errors import InvalidInputError
 from solver.robustness.axis import proven_peaks
 from solver.robustness.margins import loop_margins
 from solver.stability.closed_loop import is_stable
-from solver.tuning.attained import Attained, attained, slowest_demand
+from solver.tuning.attained import Attained, attained, one_case, slowest_demand
 from solver.tuning.beside import AsFound
 
 if TYPE_CHECKING:
@@ -16,6 +18,8 @@ if TYPE_CHECKING:
 
     from solver.model.controllers import Controller
     from solver.model.weights import Performance
+    from solver.robustness.record import Peaks
+    from solver.tuning.scenarios import Case
     from solver.tuning.specification import Specification
 
 __all__ = ["as_found"]
@@ -43,20 +47,58 @@ def as_found(specification: Specification, performance: Performance | None) -> A
             None, None, nominally_stable=False, margins=margins,
             reason="the loops are unstable together",
         )  # fmt: skip
-    own = attained(specification, loops)
+    groups: dict[Controller, list[int]] = {}
+    for unit, loop in enumerate(loops):
+        groups.setdefault(loop, []).append(unit)
+    cases = specification.cases(list(groups.values()))
+    found = [_of_case(specification, case, loops, performance) for case in cases]
+    # What decides first: no tau_P at all, the longest tau_P, the highest peak.
+    worst = max(
+        range(len(cases)),
+        key=lambda index: (
+            found[index].tau_p is None,
+            found[index].tau_p or 0.0,
+            _height(found[index].peaks),
+        ),
+    )
+    return replace(
+        found[worst],
+        margins=margins,
+        active=specification.name_of(cases[worst]) if len(cases) > 1 else None,
+    )
+
+
+def _height(peaks: Peaks | None) -> float:
+    return math.inf if peaks is None else peaks.robust_performance.value
+
+
+def _of_case(
+    specification: Specification,
+    case: Case,
+    all_loops: Sequence[Controller],
+    performance: Performance | None,
+) -> AsFound:
+    """Return what the loops do in one case, without their margins."""
+    task, loops = one_case(specification, case), case.loops(all_loops)
+    if not is_stable(case.plant, loops):
+        return AsFound(
+            None, None, nominally_stable=False, margins=(), reason="the loops are unstable together"
+        )
+    own = attained(task, loops)
     peaks = None if own is None else own.peaks
     met = own is not None and own.meets
-    reason = None if met else _why(specification, loops, own)
+    reason = None if met else _why(task, loops, own)
     if performance is not None:
+        demand = replace(case.performance, tau_p=performance.tau_p)
         try:
-            peaks = proven_peaks(plant, specification.uncertainty, performance, loops).peaks
+            peaks = proven_peaks(case.plant, case.uncertainty, demand, loops).peaks
         except InvalidInputError as error:  # an offset where none is permitted
             peaks, reason = None, error.message
     return AsFound(
         tau_p=own.performance.tau_p if own is not None and met else None,
         peaks=peaks,
         nominally_stable=True,
-        margins=margins,
+        margins=(),
         reason=reason,
     )
 

@@ -28,7 +28,7 @@ from solver.stability.closed_loop import is_stable
 from solver.tuning.goals import Goal, MuGoal, TauGoal
 from solver.tuning.objective import FORBIDDEN
 from solver.tuning.record import ROUNDING as MET
-from solver.tuning.specification import Objective
+from solver.tuning.specification import Objective, Specification
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -40,9 +40,9 @@ if TYPE_CHECKING:
     from solver.model.peaks import Peak
     from solver.model.weights import Performance
     from solver.robustness.record import Curves, Guarantee, Peaks
-    from solver.tuning.specification import Specification
+    from solver.tuning.scenarios import Case
 
-__all__ = ["Attained", "attained", "slowest_demand"]
+__all__ = ["Attained", "attained", "attained_by_all", "one_case", "slowest_demand"]
 
 ABOVE = 2e-8  # relative excess of the proven peak that is rounding of the kernel
 ROUNDING = 1e-9  # relative addition to tau_P that keeps mu <= 1 under rounding
@@ -102,6 +102,48 @@ def attained(specification: Specification, loops: Sequence[Controller]) -> Attai
     return None
 
 
+def one_case(specification: Specification, case: Case) -> Specification:
+    """Return the task for the plant of one case alone; settings that are given are all it needs."""
+    return Specification(
+        case.plant, case.uncertainty,
+        replace(case.performance, tau_p=specification.performance.tau_p),
+        kind=specification.kind, objective=specification.objective,
+    )  # fmt: skip
+
+
+def attained_by_all(
+    specification: Specification, cases: Sequence[Case], loops: Sequence[Controller]
+) -> tuple[Attained, ...] | None:
+    """Return what settings attain of each case at the tau_P that serves all; None if none does.
+
+    Parameters
+    ----------
+    specification : Specification
+        The task.
+    cases : sequence of Case
+        The plants that the settings must serve.
+    loops : sequence of Controller
+        One a unit of the task.
+
+    """
+    found = []
+    for case in cases:
+        own = attained(one_case(specification, case), case.loops(loops))
+        if own is None:
+            return None
+        found.append(own)
+    tau_p = max(each.performance.tau_p or 0.0 for each in found)
+    for index, (case, own) in enumerate(zip(cases, found, strict=True)):
+        if own.performance.tau_p == tau_p:
+            continue
+        slower = own.performance.with_tau_p(tau_p)
+        again = _at(one_case(specification, case), slower, case.loops(loops))
+        if again is None:
+            return None
+        found[index] = again
+    return tuple(found)
+
+
 def slowest_demand(specification: Specification, loops: Sequence[Controller]) -> Peak:
     """Return the peak of mu of stable loops under an infinitely slow demand, w_P = 1/M."""
     slow = replace(specification.performance, tau_p=None)
@@ -156,7 +198,7 @@ class _Fixed:
         blocks, controllers = self.blocks
         y = np.zeros((omega.size, blocks.n_scales))
         c = np.stack([each.response(omega) for each in controllers], axis=-1)
-        u = self.specification.uncertainty.squared(omega, blocks.units) / self.goal.target**2
+        u = blocks.squared(self.specification.uncertainty, omega) / self.goal.target**2
         every, cold = not self.goal.skewed, True  # named here: positional booleans say nothing
         found, _, _ = sweep(
             blocks.packed(omega), c, u, self.goal.weight(omega), blocks.layout, every, FINE, cold, y

@@ -30,6 +30,9 @@ class AsFound:
         Of each different loop.
     reason : str or None
         Why there is no `tau_p`.
+    active : str or None
+        With scenarios or a spread, of which the corners are looked at: the one that decides, to
+        which all but the margins belongs. None without them.
 
     """
 
@@ -38,6 +41,7 @@ class AsFound:
     nominally_stable: bool
     margins: tuple[LoopMargins, ...]
     reason: str | None = None
+    active: str | None = None
 
 
 @dataclass(frozen=True)

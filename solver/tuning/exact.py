@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from solver.model.blocks import KNOWN
 from solver.model.frequencies import corners, grid, low_end, resonances
 from solver.model.peaks import local_peaks
 from solver.mu.kernel import FINE
@@ -187,7 +188,7 @@ def _axis(part: LoopObjective, theta: NDArray[np.float64]) -> NDArray[np.float64
     """Return a fine grid over all of a loop's frequencies."""
     plant = part.blocks.plant
     controllers = part.controllers(theta)
-    used = {channel for block in part.blocks.blocks for channel in block.channels}
+    used = {channel for block in part.blocks.blocks for channel in block.channels} - {KNOWN}
     bends = corners(plant, part.uncertainty, [controllers[channel] for channel in sorted(used)])
     low = low_end(
         lambda points: np.exp(_attained(part, theta, points)),

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
     from solver.model.plants import Plant
     from solver.model.transfer_function import TransferFunction
+    from solver.model.weights import Uncertainty
     from solver.tuning.groupings import Groups
     from solver.tuning.specification import Specification
 
@@ -53,13 +54,17 @@ class Impossibility:
 def impossibility(specification: Specification) -> Impossibility | None:
     """Return what forbids every setting with integral action, or None."""
     plant = specification.plant
-    error = float(specification.uncertainty.magnitude(SLOW * _slowest_pole(specification))[0])
-    if error >= 1:
-        return Impossibility(
-            f"the uncertainty is {100 * error:.4g} % at steady state, where integral action needs "
-            "less than 100 %",
-            0.0, whatever_signs=True,
-        )  # fmt: skip
+    uncertainty = specification.uncertainty
+    for each, of in ((uncertainty, ""), (uncertainty.outputs, " of the outputs")):
+        if each is None:
+            continue
+        error = float(each.magnitude(SLOW * _slowest_pole(each))[0])
+        if error >= 1:
+            return Impossibility(
+                f"the uncertainty{of} is {100 * error:.4g} % at steady state, where integral "
+                "action needs less than 100 %",
+                0.0, whatever_signs=True,
+            )  # fmt: skip
     if isinstance(plant, ParallelPlant):
         return _parallel(plant)
     return _matrix(_gains(plant))
@@ -171,8 +176,8 @@ def _matrix(G: NDArray[np.float64]) -> Impossibility | None:
     return None
 
 
-def _slowest_pole(specification: Specification) -> float:
-    poles = np.abs([pole for w in specification.uncertainty.weights for pole in w.poles])
+def _slowest_pole(uncertainty: Uncertainty) -> float:
+    poles = np.abs([pole for w in uncertainty.weights for pole in w.poles])
     return float(poles.min()) if poles.size else 1.0
 
 

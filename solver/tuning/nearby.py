@@ -10,7 +10,6 @@ Lind 1974): along the gradient of the curve that gives way first, turned at each
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,10 +24,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from solver.tuning.objective import LoopObjective
     from solver.tuning.search import GroupingSearch
     from solver.tuning.settle import Settled
     from solver.tuning.specification import Specification
+    from solver.tuning.together import Together
 
 __all__ = ["fine_objective", "tolerance"]
 
@@ -50,15 +49,17 @@ def tolerance(
 ) -> SettingsTolerance:
     """Return how far the settings of a result may be moved.
 
-    Every value is of a fine grid of frequencies, as settings elsewhere on it are stable.
+    Every value is of a fine grid of frequencies, as settings elsewhere on it are stable. Of many
+    scenarios those count that the search keeps in sight.
     """
     theta, tau_p = end.candidate.theta, end.performance.tau_p
     assert tau_p is not None  # noqa: S101 - for the type checker
-    peak = end.peaks.robust_performance.value
-    objective = replace(fine_objective(search), goal=MuGoal(end.performance), alone=None)
+    peak = max(axis.peaks.robust_performance.value for axis in end.axes)
+    fine = fine_objective(search).having(alone=None, service=None)
+    objective = fine.having(goal=MuGoal(end.performance))
     if specification.objective is Objective.TAU_P:
         level, longer = 1.0, (1 + ALLOWED) * tau_p
-        judged = replace(objective, goal=MuGoal(end.performance.with_tau_p(longer)))
+        judged = fine.having(goal=MuGoal(end.performance.with_tau_p(longer)))
     else:
         level, longer = max(1.0, (1 + ALLOWED) * peak), tau_p
         judged = objective
@@ -92,15 +93,14 @@ def tolerance(
     )
 
 
-def fine_objective(search: GroupingSearch) -> LoopObjective:
+def fine_objective(search: GroupingSearch) -> Together:
     """Return the objective of a search on a grid that sees what lies between its points."""
-    part = search.objective.parts[0]
-    coarse = part.omega
-    omega = grid(coarse[0], coarse[-1], POINTS_PER_DECADE, [coarse])
-    return replace(part, omega=omega, nu=NU, followed=np.empty(0))
+    parts = search.objective.parts
+    omega = [grid(p.omega[0], p.omega[-1], POINTS_PER_DECADE, [p.omega]) for p in parts]
+    return search.objective.at(omega, [np.empty(0)] * len(parts)).having(nu=NU)
 
 
-def _signs(objective: LoopObjective) -> list[tuple[int, float]]:
+def _signs(objective: Together) -> list[tuple[int, float]]:
     """Return each parameter's index and sign: the gains have one."""
     per = objective.per_controller
     count = per * objective.signs.size
@@ -138,7 +138,7 @@ def _distance(
 
 
 def _together(
-    objective: LoopObjective,
+    objective: Together,
     theta: NDArray[np.float64],
     excess: Callable[[NDArray[np.float64]], float],
 ) -> tuple[SettingMove, ...]:
@@ -160,7 +160,7 @@ def _together(
 
 
 def _along_gradients(
-    objective: LoopObjective,
+    objective: Together,
     theta: NDArray[np.float64],
     excess: Callable[[NDArray[np.float64]], float],
 ) -> NDArray[np.float64] | None:
@@ -181,16 +181,17 @@ def _along_gradients(
     return best
 
 
-def _gradients(objective: LoopObjective, theta: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+def _gradients(objective: Together, theta: NDArray[np.float64]) -> list[NDArray[np.float64]]:
     """Return the directions in which the highest maxima of mu rise, of length one."""
     here = objective.evaluate(theta)
     if not math.isfinite(here.value):
         return []
     s = -here.level
+    omega = np.concatenate([part.omega for part in objective.parts])
     found: list[NDArray[np.float64]] = []
     places: list[float] = []
     for index in np.argsort(-s):
-        at = math.log(objective.omega[index])
+        at = math.log(omega[index])
         if any(abs(at - other) < APART for other in places):
             continue
         places.append(at)

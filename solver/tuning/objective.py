@@ -172,7 +172,7 @@ class LoopObjective:
         return _Samples(
             omega,
             self.blocks.packed(omega),
-            self.uncertainty.squared(omega, self.blocks.units) / self.goal.target**2,
+            self.blocks.squared(self.uncertainty, omega) / self.goal.target**2,
             self.goal.weight(omega),
             self.goal.saturated(omega, self.penalty),
         )

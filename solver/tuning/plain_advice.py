@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from solver.model.errors import InvalidInputError
 from solver.model.plants import MAX_MATRIX_SIZE
 from solver.model.subsystems import subsystem
+from solver.robustness.axis import proven_peaks
 from solver.simulation.experiment import Experiment, Step, StepKind
 from solver.simulation.loops import Loop
 from solver.simulation.step_response import step_response
@@ -16,7 +18,7 @@ from solver.stability.closed_loop import is_stable
 from solver.tuning.specification import Objective
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from solver.tuning.beside import AsFound, SettingsTolerance
     from solver.tuning.record import Comparison, Tuning
@@ -31,6 +33,7 @@ APART = 1.02  # ratio of the two weakest directions from which they are two
 OVERSHOOTS = 0.25
 MOST_ALONE = 4  # different loops that are looked at alone
 ALONE_SHOWN = 3.0  # times tau_P: an overshoot comes early
+NO_WORSE = 1e-5  # of mu: loops whose integral time went to the end of its box differ by as much
 LOWER_HURTS = 1e-3  # of mu above 1, from which lower gains are said not to be safer
 
 
@@ -42,6 +45,7 @@ def plain_advice(specification: Specification, tuning: Tuning) -> tuple[str, ...
     if tuning.peaks is not None:
         found += _limited_by(specification, tuning, tuning.peaks.robust_performance.omega)
     found += _alone(specification, tuning)
+    found += _without_integral_action(specification, tuning)
     if tuning.as_found is not None:
         found += _beside_today(specification, tuning, tuning.as_found)
     if tuning.settings_tolerance is not None and tuning.demand_met:
@@ -59,6 +63,53 @@ def _identical_suffice(tuning: Tuning, comparison: Comparison) -> Iterator[str]:
         f"Identical settings suffice: unlike ones gain {gain} over "
         f"{comparison.identical_value:.4g}."
     )
+
+
+def _without_integral_action(specification: Specification, tuning: Tuning) -> Iterator[str]:
+    """Say which loops keep the demand without integral action, all together or one kind alone."""
+    plant, offset = specification.plant, specification.performance.offset
+    several = len(tuning.scenarios) > 1
+    if several or not (offset > 0 or any(e.den[-1] == 0 for e in plant.elements)):
+        return
+    every = tuple(range(plant.n))
+    kinds = [every] if len(tuning.groups) == 1 else [every, *tuning.groups[:MOST_ALONE]]
+    for units in kinds:
+        mu = _mu_without(specification, tuning, units)
+        if mu is None:
+            continue
+        where = "" if units == every else f" in {_loops(units)}"
+        yield (
+            f"Integral action{where} is not needed for this demand: without it mu is {mu:.4g}. "
+            "Loads then leave an offset; ask for max_load_error where they must not."
+        )
+        if units == every:
+            return
+
+
+def _loops(units: Sequence[int]) -> str:
+    """Name loops, counted from 1."""
+    names = [str(unit + 1) for unit in units[:MOST_ALONE]]
+    names += ["..."] if len(units) > MOST_ALONE else []
+    return f"loop {names[0]}" if len(units) == 1 else f"loops {', '.join(names)}"
+
+
+def _mu_without(specification: Specification, tuning: Tuning, units: Sequence[int]) -> float | None:
+    """Return the peak of mu without integral action in these loops; None: it is needed."""
+    plant = specification.plant
+    loops = [
+        replace(loop, integral_time=None) if unit in units else loop
+        for unit, loop in enumerate(tuning.loops)
+    ]
+    if tuning.tau_p is None or not is_stable(plant, loops):
+        return None
+    demand = specification.performance.with_tau_p(tuning.tau_p)
+    try:
+        axis = proven_peaks(plant, specification.uncertainty, demand, loops)
+    except InvalidInputError:  # an offset where none is permitted
+        return None
+    mu = axis.peaks.robust_performance.value
+    reached = 1.0 if tuning.peaks is None else max(1.0, tuning.peaks.robust_performance.value)
+    return mu if mu <= reached * (1 + NO_WORSE) else None
 
 
 def _limited_by(specification: Specification, tuning: Tuning, omega: float) -> Iterator[str]:

@@ -142,7 +142,7 @@ def report(
             whole=(end.peaks, end.axes[0].guarantee),
         ),
         resolution=price,
-        settings_tolerance=tolerance(specification, search, end) if len(end.axes) == 1 else None,
+        settings_tolerance=tolerance(specification, search, end),
         model_tolerance=_model_tolerance(specification, end),
         as_found=as_found(specification, end.performance),
         advice=advice(

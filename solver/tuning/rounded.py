@@ -18,11 +18,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.mu.kernel import FINE
-from solver.tuning.attained import Attained, attained
+from solver.tuning.attained import Attained, attained_by_all
 from solver.tuning.beside import PriceOfResolution
 from solver.tuning.nearby import fine_objective
+from solver.tuning.settle import SPREAD_ROUNDS, WORSE
 from solver.tuning.specification import Objective
-from solver.tuning.together import Together
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -88,18 +88,41 @@ def rounded(
         if not search.accepts(theta):
             continue
         loops = search.blocks.expand(lattice.controllers(typed))
-        found = attained(specification, loops)
+        found = attained_by_all(specification, search.cases, loops)
         if found is not None:
             now = _settled(specification, end, theta, loops, found)
             if best is None or now.candidate.value < best.candidate.value:
                 best = now
+    if best is not None:
+        best = _over_the_spread(specification, search, best, clock)
     if best is None:
         return None
     exact, now_exact = end.performance.tau_p, best.performance.tau_p
     assert exact is not None  # noqa: S101 - for the type checker
     assert now_exact is not None  # noqa: S101 - for the type checker
-    tops = (each.peaks.robust_performance.value for each in (end, best))
+    tops = (max(axis.peaks.robust_performance.value for axis in each.axes) for each in (end, best))
     return best, PriceOfResolution(exact, now_exact, *tops)
+
+
+def _over_the_spread(
+    specification: Specification, search: GroupingSearch, best: Settled, clock: Clock
+) -> Settled | None:
+    """Return typed settings with what the worst plants of a spread make of them."""
+    for _ in range(SPREAD_ROUNDS):
+        clock.tick()
+        worst = search.worst_of_spread(best.candidate)
+        if worst is None:
+            return best
+        case, outcome, s = worst
+        best = replace(best, spread=outcome)
+        if s <= best.candidate.value + WORSE:
+            return best
+        search.include(case)
+        found = attained_by_all(specification, search.cases, best.loops)
+        if found is None:
+            return None
+        best = _settled(specification, best, best.candidate.theta, best.loops, found)
+    return best
 
 
 def too_coarse(end: Settled) -> str:
@@ -126,19 +149,23 @@ def _settled(
     end: Settled,
     theta: NDArray[np.float64],
     loops: tuple[Controller, ...],
-    found: Attained,
+    found: tuple[Attained, ...],
 ) -> Settled:
-    """Return the settings in the place of the exact ones."""
-    assert found.performance.tau_p is not None  # noqa: S101 - for the type checker
-    value = 2 * math.log(found.peaks.robust_performance.value)
+    """Return the settings in the place of the exact ones, by what they attain of each case."""
+    performance = found[0].performance
+    assert performance.tau_p is not None  # noqa: S101 - for the type checker
+    tops = [each.peaks.robust_performance for each in found]
+    value = 2 * math.log(max(top.value for top in tops))
     if specification.objective is Objective.TAU_P:
-        value = math.log(found.performance.tau_p)
-    peaks = np.array([found.peaks.robust_performance.omega])
-    candidate = replace(end.candidate, theta=theta, value=value, peaks=(peaks,))
-    axis = replace(end.axes[0], peaks=found.peaks, curves=found.curves, guarantee=found.guarantee)
-    return replace(
-        end, candidate=candidate, performance=found.performance, loops=loops, axes=(axis,)
+        value = math.log(performance.tau_p)
+    peaks = tuple(np.array([top.omega]) for top in tops)
+    candidate = replace(end.candidate, theta=theta, value=value, peaks=peaks)
+    axes = tuple(
+        replace(end.axes[0], peaks=each.peaks, curves=each.curves, guarantee=each.guarantee)
+        for each in found
     )
+    performance = end.performance.with_tau_p(performance.tau_p)
+    return replace(end, candidate=candidate, performance=performance, loops=loops, axes=axes)
 
 
 class _Lattice:
@@ -149,7 +176,7 @@ class _Lattice:
         self.search = search
         self.clock = clock
         self.names = search.objective.kind.parameters * len(search.groups)
-        self.objective = replace(fine_objective(search), alone=search.objective.parts[0].alone)
+        self.objective = fine_objective(search)
         self.known: dict[_Point, float] = {}
 
     def theta(self, point: _Point) -> NDArray[np.float64]:
@@ -213,7 +240,7 @@ class _Lattice:
         goal = self.objective.goal
         # Settings that need no rounding must not end where the next frequency exceeds the level.
         kept = replace(goal, target=goal.target * (1 - KEPT_OFF))
-        objective = Together((replace(self.objective, nu=FINE, goal=kept),))
+        objective = self.objective.having(nu=FINE, goal=kept)
         while len(fixed) < theta.size:
             sides = {i: self._sides(i, theta[i]) for i in range(theta.size) if i not in fixed}
             index = max(sides, key=lambda i: math.log(sides[i][-1]) - math.log(sides[i][0]))

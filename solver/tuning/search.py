@@ -232,8 +232,8 @@ class GroupingSearch:
             s = alone.measure(theta, candidate.value).value
             if worst is None or s > worst[0]:
                 errors = {
-                    name: share * width
-                    for (name, width), share in zip(axes, deviation, strict=True)
+                    axis.title: share * axis.width
+                    for axis, share in zip(axes, deviation, strict=True)
                 }
                 worst = s, beside, errors
         if worst is None:
@@ -262,7 +262,7 @@ class GroupingSearch:
 
         The limit is reached as omega^2, by a weak direction of the plant at lower frequencies.
         """
-        gains = blocks.response(bend)
+        gains = blocks.known(np.array([1j * bend]))
         singular = np.concatenate([np.linalg.svd(G[0], compute_uv=False) for G in gains])
         weakest = max(singular.min() / singular.max(), WEAKEST)
         # An integral time far above the plant's own bends the curves down there.
@@ -414,15 +414,21 @@ class GroupingSearch:
                     self._remember(optimum, optimum.count)
         return bool(self.optima) and self.optima[0].theta is not before
 
-    def slowest_demand(self, here: Evaluation) -> Peak:
-        """Return the peak of mu under an infinitely slow demand, between the grid's points too."""
+    def slowest_demand(self, here: Evaluation) -> tuple[Peak, Case]:
+        """Return the peak of mu under an infinitely slow demand, and the case that has it.
+
+        Between the grid's points too.
+        """
         exact = replace(self.exact, objective=self.phases.feasibility)
         found = exact.measure(here.theta, here.value)
         mu = np.concatenate(
             [exact.attained(found.theta, peaks, part) for part, peaks in enumerate(found.peaks)]
         )
         omega = np.concatenate(found.peaks)
-        return Peak(math.exp(float(mu.max()) / 2), float(omega[mu.argmax()]))
+        worst = int(mu.argmax())
+        part = int(np.searchsorted(np.cumsum([p.size for p in found.peaks]), worst, side="right"))
+        peak = Peak(math.exp(float(mu.max()) / 2), float(omega[worst]))
+        return peak, self.cases[self.active[part]]
 
     def on_given_bounds(self, theta: NDArray[np.float64]) -> list[str]:
         """Return the names of the parameters that lie on bounds that the user gave."""

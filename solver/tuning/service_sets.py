@@ -75,7 +75,7 @@ class ServiceSets:
         sets = []
         for index in chosen.tolist():
             case, blocks = cases[index], cases[index].blocks()
-            u = case.uncertainty.squared(omega, blocks.units)
+            u = blocks.squared(case.uncertainty, omega)
             sets.append((blocks.packed(omega), u, blocks.layout, blocks.n_scales))
         return cls(omega, tuple(sets), robust)
 

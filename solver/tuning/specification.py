@@ -7,7 +7,7 @@ from dataclasses import KW_ONLY, dataclass, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, Literal
 
-from solver.model.arranged import check_pairing, paired, sampled
+from solver.model.arranged import SCAN_DELAY, check_pairing, paired, sampled
 from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError
 from solver.model.given import require_fit
@@ -29,8 +29,8 @@ from solver.model.validation import (
 from solver.model.weights import Performance, Uncertainty
 from solver.tuning.demands import NO_DEMANDS, Demands
 from solver.tuning.resolution import Resolution
-from solver.tuning.scenarios import MAX_CASES, Case, Scenario, cases_of, check_scenarios
-from solver.tuning.spread import Spread
+from solver.tuning.scenarios import AS_GIVEN, MAX_CASES, Case, Scenario, cases_of, check_scenarios
+from solver.tuning.spread import MOST_AXES, SPREAD, Spread
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -251,11 +251,11 @@ class Specification:
     @property
     def interchangeable(self) -> bool:
         """Whether units may change places: those of a parallel plant whose errors are alike."""
-        unlike = self.performance.unlike_outputs or self.uncertainty.unlike_inputs
+        unlike = self.performance.unlike_outputs or self.uncertainty.unlike_units
         scenarios_alike = all(
             scenario.in_service is None
             and (scenario.plant is None or scenario.plant.interchangeable)
-            and not (scenario.uncertainty or self.uncertainty).unlike_inputs
+            and not (scenario.uncertainty or self.uncertainty).unlike_units
             for scenario in self.scenarios
         )
         return self.plant.interchangeable and not unlike and scenarios_alike
@@ -286,6 +286,11 @@ class Specification:
             raise InvalidInputError(message, "/spread")
         return tuple(found.values())
 
+    def name_of(self, case: Case) -> str:
+        """Return the name of the first scenario that asks for a case."""
+        names = [AS_GIVEN, *(scenario.name for scenario in self.scenarios), SPREAD]
+        return names[case.scenarios[0]]
+
     @property
     def plants(self) -> tuple[Plant, ...]:
         """Every plant that the settings must serve, that of the task first."""
@@ -313,15 +318,13 @@ class Specification:
             for scenario in self.scenarios
         )
         left = None if self.mixing is None else self.mixing.of_inputs
+        spread = self.spread
+        if spread is not None:  # what the controllers' scan delays is as it is
+            spread = replace(spread, known_delay=SCAN_DELAY * self.scan_time)
         return replace(
-            self, plant=plant, pairing=None, scan_time=0.0, scenarios=scenarios, mixing=left
-        )
-
-    def _check_one_plant(self) -> None:
-        for name, field in (("resolution", "/controller/resolution"), ("as_found", "/as_found")):
-            if getattr(self, name) is not None:
-                message = "this is for one plant: leave it out, or the scenarios and the spread"
-                raise InvalidInputError(message, field)
+            self, plant=plant, pairing=None, scan_time=0.0, scenarios=scenarios, mixing=left,
+            spread=spread,
+        )  # fmt: skip
 
     @property
     def uncertainties(self) -> tuple[Uncertainty, ...]:
@@ -335,8 +338,13 @@ class Specification:
         settle(self, scenarios=instances(self.scenarios, Scenario, "/scenarios"))
         if self.spread is not None:
             instance(self.spread, Spread, "/spread")
-        if self.scenarios or self.spread is not None:
-            self._check_one_plant()
+            count = max(len(self.spread.axes(plant)) for plant in self.plants)
+            if count > MOST_AXES:
+                message = (
+                    f"{count} parameters spread, at most {MOST_AXES} are searched: let all units "
+                    "deviate together, or fewer parameters"
+                )
+                raise InvalidInputError(message, "/spread/each_unit")
         check_scenarios(self.scenarios, self.plant, self.uncertainty, self.performance)
         instance(self.bounds, Bounds, "/controller/bounds")
         instance(self.demands, Demands, "/demands")
@@ -407,6 +415,9 @@ class Specification:
         if self.mixing is not None:
             instance(self.mixing, Mixing, "/mixing")
             self.mixing.require_size(self.plant.n, "/mixing")
+            if self.uncertainty.outputs is not None:
+                message = "sensors err in outputs as they are, not in combinations of them"
+                raise InvalidInputError(message, "/uncertainty/outputs")
             if self.pairing is not None:
                 message = "with combinations of signals, order their rows and columns instead"
                 raise InvalidInputError(message, "/pairing")
@@ -481,8 +492,11 @@ class Specification:
         if self.scenarios or self.spread is not None:
             message = "the optimality gap is proven for one plant, without scenarios or spread"
             raise InvalidInputError(message, where)
-        if self.uncertainty.unlike_inputs:
-            message = "the optimality gap is proven for inputs of one uncertainty only"
+        if self.uncertainty.unlike_inputs or self.uncertainty.outputs is not None:
+            message = (
+                "the optimality gap is proven for inputs of one uncertainty, and outputs without "
+                "errors, only"
+            )
             raise InvalidInputError(message, where)
         different = {
             Arrangement.IDENTICAL: 1,

@@ -8,9 +8,9 @@ those known becomes a case, and the search goes on. Between the plants looked at
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -20,33 +20,70 @@ from solver.model.deviations import (
     change_time_constant,
     coupled,
     depends_on,
+    of_unit,
 )
 from solver.model.errors import InvalidInputError
-from solver.model.validation import real, settle
+from solver.model.validation import flag, real, settle
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Sequence
 
     from solver.model.plants import Plant
+    from solver.model.transfer_function import TransferFunction
 
-__all__ = ["SPREAD", "Deviation", "Spread", "SpreadOutcome", "lattice", "refined"]
+__all__ = [
+    "MOST_AXES",
+    "SPREAD",
+    "Axis",
+    "Deviation",
+    "Spread",
+    "SpreadOutcome",
+    "lattice",
+    "refined",
+]
 
 SPREAD = "spread"  # name of what is not a scenario of the request
-PER_AXIS = {1: 41, 2: 13, 3: 7, 4: 5}  # points of the lattice: a few hundred at most
+PER_AXIS = {1: 41, 2: 13, 3: 7, 4: 5, 5: 3, 6: 3}  # points of the lattice: some hundreds at most
+MOST_AXES = max(PER_AXIS)
 REFINED = 3  # worst points of the lattice from which steps are taken
 FIRST_STEP, LAST_STEP = 0.5, 0.01  # of the lattice's own
 
 Deviation = tuple[float, ...]
+INTERACTION = "interaction"
+PARAMETERS = ("gain", "time_constant", "dead_time", INTERACTION)
+TRIFLE = 1e-12  # relative: a dead time no longer than the known one by more than rounding
 _CHANGES = {
     "gain": change_gain,
     "time_constant": change_time_constant,
     "dead_time": change_dead_time,
+    INTERACTION: change_gain,
 }
+
+
+class Axis(NamedTuple):
+    """A parameter that spreads: its name, relative deviation, and unit; None: of all units."""
+
+    name: str
+    width: float
+    unit: int | None
+
+    @property
+    def title(self) -> str:
+        """What it is called in a result."""
+        return self.name if self.unit is None else f"{self.name} of unit {self.unit + 1}"
+
+
+def _all_of(name: str, plant: Plant) -> Sequence[TransferFunction]:
+    """Return the elements that a deviation of all units together changes."""
+    if name != INTERACTION:
+        return plant.elements
+    size = range(min(plant.n, 2) if plant.interchangeable else plant.n)
+    return [plant.element(row, column) for row, column in itertools.permutations(size, 2)]
 
 
 @dataclass(frozen=True)
 class Spread:
-    """Relative deviations, up and down, of parameters of the plant, all elements together.
+    """Relative deviations, up and down, of parameters of the plant.
 
     Parameters
     ----------
@@ -54,6 +91,10 @@ class Spread:
         Of all elements of the plant, 0 <= value < 1.
     interaction : float
         Of the effect of each unit on the others, 0 <= value < 1.
+    each_unit : bool
+        Whether each unit deviates by itself, all that its input acts on; else all together.
+    known_delay : float
+        Part of every dead time that does not spread: that of the controllers' scan, time units.
 
     """
 
@@ -61,41 +102,66 @@ class Spread:
     time_constant: float = 0.0
     dead_time: float = 0.0
     interaction: float = 0.0
+    each_unit: bool = False
+    known_delay: float = 0.0
 
     def __post_init__(self) -> None:
-        for each in fields(self):
-            value = real(getattr(self, each.name), f"/{each.name}")
+        for name in PARAMETERS:
+            value = real(getattr(self, name), f"/{name}")
             if not 0 <= value < 1:
                 message = "a relative deviation lies in 0..1, 1 excluded"
-                raise InvalidInputError(message, f"/{each.name}")
-            settle(self, **{each.name: value})
+                raise InvalidInputError(message, f"/{name}")
+            settle(self, **{name: value})
+        settle(self, each_unit=flag(self.each_unit, "/each_unit"))
 
-    def axes(self, plant: Plant) -> tuple[tuple[str, float], ...]:
+    def axes(self, plant: Plant) -> tuple[Axis, ...]:
         """Return the parameters that spread and that the plant has, with their deviations."""
-        found = []
-        for each in fields(self):
-            width = getattr(self, each.name)
-            if each.name == "interaction":
-                there = any(
-                    not plant.element(row, column).is_zero
-                    for row, column in itertools.permutations(range(min(plant.n, 2)), 2)
-                ) if plant.interchangeable else plant.n > 1  # fmt: skip
-            else:
-                there = any(depends_on(each.name, element) for element in plant.elements)
-            if width > 0 and there:
-                found.append((each.name, width))
+        found: list[Axis] = []
+        for name in PARAMETERS:
+            width = getattr(self, name)
+            if not width > 0:
+                continue
+            if not self.each_unit or plant.n == 1:
+                if self._there(name, _all_of(name, plant)):
+                    found.append(Axis(name, width, None))
+                continue
+            rows = plant.rows
+            found += [
+                Axis(name, width, unit)
+                for unit in range(plant.n)
+                if self._there(
+                    name,
+                    [row[unit] for r, row in enumerate(rows) if name != INTERACTION or r != unit],
+                )
+            ]
         return tuple(found)
+
+    def _there(self, name: str, elements: Sequence[TransferFunction]) -> bool:
+        """Whether any of these elements has the parameter."""
+        if name == INTERACTION:
+            return any(not element.is_zero for element in elements)
+        late = self.known_delay * (1 + TRIFLE)
+        return any(
+            depends_on(name, element) and (name != "dead_time" or element.dead_time > late)
+            for element in elements
+        )
 
     def plant_at(self, plant: Plant, deviation: Deviation) -> Plant:
         """Return the plant whose parameters deviate by the shares -1..1 of their widths."""
-        for (name, width), share in zip(self.axes(plant), deviation, strict=True):
+        for (name, width, unit), share in zip(self.axes(plant), deviation, strict=True):
             factor = 1 + width * share
             if factor == 1:
                 continue
-            if name == "interaction":
+            if name == INTERACTION and unit is None:
                 plant = coupled(plant, factor)
+                continue
+            change = partial(_CHANGES[name], factor=factor)
+            if name == "dead_time":
+                change = partial(change_dead_time, factor=factor, known=self.known_delay)
+            if unit is None:
+                plant = plant.mapped(change)
             else:
-                plant = plant.mapped(partial(_CHANGES[name], factor=factor))
+                plant = of_unit(plant, unit, change, own=name != INTERACTION)
         return plant
 
     def corners(self, plant: Plant) -> Iterator[Deviation]:

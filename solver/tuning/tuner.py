@@ -14,14 +14,13 @@ from solver.model.validation import instance
 from solver.robustness.scan import scan_remark
 from solver.tuning.bounds import gain_signs
 from solver.tuning.clock import Clock, OutOfTimeError
-from solver.tuning.demand_checks import outcomes
-from solver.tuning.demands import NO_DEMANDS
 from solver.tuning.feasibility import Impossibility, impossibility, other_signs
 from solver.tuning.given_start import given_groups, signs_of
 from solver.tuning.groupings import groupings, neighbours
 from solver.tuning.on_data import tune_on_data
 from solver.tuning.pairings import pairings
 from solver.tuning.record import Status
+from solver.tuning.relaxing import why_forbidden
 from solver.tuning.report import infeasible, report
 from solver.tuning.search import Freedom
 from solver.tuning.solutions import Solution, Solutions
@@ -33,7 +32,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from solver.model.controllers import Controller
-    from solver.tuning.demands import DemandOutcome
     from solver.tuning.groupings import Groups
     from solver.tuning.record import Progress, Tuning
 
@@ -163,38 +161,20 @@ def _told(specification: Specification, found: Tuning) -> Tuning:
 
 def _with_the_demand_named(specification: Specification, found: Tuning) -> Tuning:
     """Return an infeasible outcome with the demands that forbid settings, and how far to relax."""
-    left = specification.time_limit
-    if left is not None:
-        left = max(left - found.search.elapsed_seconds, LEAST_TIME)
-    without = replace(
-        specification, demands=NO_DEMANDS, time_limit=left, certificate=False,
-        model_tolerance=False, optimality_gap=False,
-    )  # fmt: skip
-    free = _Run(without, None).result()
-    if not free.loops:
-        return found
-    broken = [
-        each
-        for each in outcomes(
-            specification.demands, specification.plants, free.loops, specification.uncertainties
-        )
-        if not each.met
-    ]
-    if not broken:
-        return found
-    relaxed = " and ".join(
-        _without_integrity(each)
-        if each.name == "integrity"
-        else f"{each.name} {each.limit:g} relaxed to {each.value:.4g}"
-        if math.isfinite(each.value)
-        else f"no {each.name} (a loop is unstable alone then)"
-        for each in broken
-    )
-    reason = (
-        f"no settings were found that meet {' and '.join(each.name for each in broken)} as well; "
-        f"with {relaxed} there are some, with tau_p = {free.tau_p:.6g}"
-    )
-    return replace(found, reason=reason, omega=None)
+    limit, spent = specification.time_limit, found.search.elapsed_seconds
+
+    def again(task: Specification) -> Tuning | None:
+        nonlocal spent
+        if limit is not None:
+            if spent > limit + LEAST_TIME:
+                return None
+            task = replace(task, time_limit=max(limit - spent, LEAST_TIME))
+        tuning = _Run(task, None).result()
+        spent += tuning.search.elapsed_seconds
+        return tuning
+
+    reason = why_forbidden(specification, again)
+    return found if reason is None else replace(found, reason=reason, omega=None)
 
 
 def _forbidden(specification: Specification) -> Impossibility | None:
@@ -211,13 +191,6 @@ def _forbidden(specification: Specification) -> Impossibility | None:
             name = listed[number].name if number < len(listed) else SPREAD
             found = replace(own, reason=f"scenario {name!r}: {own.reason}")
     return found
-
-
-def _without_integrity(outcome: DemandOutcome) -> str:
-    """Say what settings that disregard integrity make of it."""
-    if outcome.limit == 0 or math.isinf(outcome.value):
-        return "no integrity (some sets of loops in service are unstable then)"
-    return f"no robust stability of every set (mu up to {outcome.value:.4g} then)"
 
 
 class _Run:
@@ -369,7 +342,7 @@ class _Run:
         if search is None or search.closest is None:
             reason = "none were found that stabilise the loops within the parameter bounds"
             return infeasible(self.specification, groups, self.clock, reason, None)
-        slow = search.slowest_demand(search.closest)
+        slow, case = search.slowest_demand(search.closest)
         if slow.value <= 1:
             reason = (
                 "none were found that are stable and meet every demand: settings that keep mu <= 1 "
@@ -380,6 +353,8 @@ class _Run:
             f"none were found that meet mu <= 1 at any tau_P: for the nearest ones even an "
             f"infinitely slow demand peaks at mu = {slow.value:.6g} near omega = {slow.omega:.4g}"
         )
+        if len(search.cases) > 1:
+            reason += f", in scenario {self.specification.name_of(case)!r}"
         on_bound = search.on_given_bounds(search.closest.theta)
         if on_bound:
             reason += f"; they lie on the bounds given for {', '.join(on_bound)}"

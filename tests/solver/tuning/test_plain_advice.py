@@ -6,9 +6,10 @@ from dataclasses import replace
 
 import pytest
 
-from solver.model.plants import MatrixPlant, first_order
+from solver.model.plants import MatrixPlant, ParallelPlant, first_order
 from solver.model.transfer_function import TransferFunction
 from solver.model.weights import Performance, Uncertainty
+from solver.robustness.axis import proven_peaks
 from solver.tuning.specification import Arrangement, Specification
 from solver.tuning.tuner import tune
 
@@ -71,3 +72,20 @@ def test_one_unit_and_many_units_have_advice_too() -> None:
     for n, a in ((1, 0.0), (300, 0.5)):
         task = replace(TASK, plant=first_order(n, 1, 100, a), arrangement=Arrangement.IDENTICAL)
         assert not said(task, "is limited by")
+
+
+def test_integral_action_that_the_demand_does_not_need_is_named() -> None:
+    """An integrating process, and a permitted offset: without it mu is no higher; else silence."""
+    integrator = ParallelPlant(
+        1, TransferFunction((1.0,), (1.0, 0.0), 1.0), TransferFunction((0.0,), (1.0,))
+    )
+    uncertainty = Uncertainty.from_error(0.2, 1)
+    found = tune(Specification(integrator, uncertainty, Performance(), starts=4))
+    assert any("Integral action is not needed" in each for each in found.advice)
+    assert found.tau_p is not None
+    without = [replace(loop, integral_time=None) for loop in found.loops]
+    axis = proven_peaks(integrator, uncertainty, Performance(tau_p=found.tau_p), without)
+    assert axis.peaks.robust_performance.value <= 1 + 1e-4
+    offset = replace(TASK, performance=Performance(offset=0.3), starts=4)
+    assert any("Integral action in loop" in each for each in tune(offset).advice)
+    assert not any("Integral action" in each for each in tune(replace(TASK, starts=4)).advice)

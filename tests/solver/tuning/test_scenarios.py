@@ -10,14 +10,17 @@ import numpy as np
 import pytest
 
 from solver.certificate.verify import verify
+from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError
 from solver.model.plants import MatrixPlant, first_order
 from solver.model.transfer_function import TransferFunction
 from solver.model.weights import Performance, Uncertainty
 from solver.mu.sdp import upper_bound
 from solver.mu.structure import BlockStructure
+from solver.robustness.axis import proven_peaks
 from solver.tuning.demands import Demands
 from solver.tuning.record import Status
+from solver.tuning.resolution import Resolution
 from solver.tuning.scenarios import Scenario
 from solver.tuning.specification import Arrangement, Specification
 from solver.tuning.tuner import tune
@@ -209,3 +212,30 @@ def test_too_many_cases_are_refused():
     scenarios = [Scenario("any", any_in_service=tuple(range(1, 11)))]
     with pytest.raises(InvalidInputError, match="more than 300 different cases"):
         task(plant, scenarios, arrangement=Arrangement.INDEPENDENT)
+
+
+def test_typed_settings_and_those_of_today_serve_every_scenario():
+    """Two digits keep the demand with either loop out of service; today's settings do not."""
+    plant = first_order(2, 1.0, 100.0, 0.949)
+    today = (Controller(46.3, 101.0), Controller(22.8, 3.15))
+    scenarios = [Scenario("1 out", in_service=(1,)), Scenario("2 out", in_service=(0,))]
+    found = tune(
+        Specification(
+            plant, USUAL, Performance(), scenarios=scenarios, resolution=Resolution(digits=2),
+            as_found=today,
+        )
+    )  # fmt: skip
+    assert found.demand_met
+    assert found.resolution.tau_p_rounded == found.tau_p > found.resolution.tau_p_exact
+    demand = Performance(tau_p=found.tau_p)
+    for units in ((0, 1), (0,), (1,)):
+        loops = [found.loops[unit] for unit in units]
+        assert all(loop.gain == float(f"{loop.gain:.1e}") for loop in loops)
+        axis = proven_peaks(plant.part(units), USUAL, demand, loops)
+        assert axis.peaks.robust_performance.value <= 1 + 1e-6
+    assert found.as_found.tau_p is None
+    assert found.as_found.active == "1 out"
+    alone = tune(Specification(plant, USUAL, Performance(), as_found=today, starts=4)).as_found
+    assert alone.tau_p == pytest.approx(19.0109, rel=1e-5)
+    assert alone.active is None
+    assert found.settings_tolerance is not None

@@ -9,6 +9,7 @@ import pytest
 
 from solver.model.errors import InvalidInputError
 from solver.model.plants import MatrixPlant, first_order
+from solver.model.transfer_function import TransferFunction
 from solver.model.weights import Performance, Uncertainty
 from solver.robustness.axis import proven_peaks
 from solver.tuning.record import Status
@@ -112,3 +113,57 @@ def test_deviations_out_of_range_are_refused(value):
     with pytest.raises(InvalidInputError) as caught:
         Spread(interaction=value)
     assert caught.value.field == "/interaction"
+
+
+def test_units_that_deviate_by_themselves_are_served_one_by_one():
+    """A unit 10 % weaker beside one 10 % stronger keeps mu at 1; together they ask for less."""
+    together = task(SLH, Spread(gain=0.1))
+    each = task(SLH, Spread(gain=0.1, each_unit=True), arrangement=Arrangement.INDEPENDENT)
+    assert each.demand_met
+    assert {name for name, _ in each.spread.worst} == {"gain of unit 1", "gain of unit 2"}
+    for weaker, stronger in itertools.permutations((0.9, 1.1)):
+        rows = [
+            [
+                TransferFunction(tuple(c * factor for c in element.num), element.den)
+                for factor, element in zip((weaker, stronger), row, strict=True)
+            ]
+            for row in SLH.rows
+        ]
+        axis = proven_peaks(MatrixPlant(rows), USUAL, Performance(tau_p=each.tau_p), each.loops)
+        assert axis.peaks.robust_performance.value <= 1 + 1e-5
+    assert together.spread.worst == (("gain", pytest.approx(-0.1)),)
+
+
+def test_a_unit_changes_what_its_own_input_acts_on():
+    """Its gain is its column; its interaction is the column without its own output."""
+    for name, changed in (("gain", {(0, 1), (1, 1)}), ("interaction", {(0, 1)})):
+        spread = Spread(each_unit=True, **{name: 0.5})
+        other = spread.plant_at(SLH, (0.0, 1.0))
+        for row, column in itertools.product(range(2), repeat=2):
+            factor = 1.5 if (row, column) in changed else 1.0
+            ratio = other.element(row, column).num[-1] / SLH.element(row, column).num[-1]
+            assert ratio == pytest.approx(factor)
+
+
+def test_the_delay_of_a_scan_does_not_spread():
+    """Of dead time 2 beside the delay 3/2 of a scan, 30 % are 0.6; without it nothing spreads."""
+    late = first_order(2, 1.0, 100.0, 0.9, 2.0)
+    seen = Specification(
+        late, USUAL, Performance(), spread=Spread(dead_time=0.3), scan_time=1.0
+    ).arranged(None)
+    plant = seen.spread.plant_at(seen.plant, (1.0,))
+    assert plant.process.dead_time == pytest.approx(2.0 * 1.3 + 1.5)
+    none = Specification(
+        SLH, USUAL, Performance(), spread=Spread(dead_time=0.3), scan_time=1.0
+    ).arranged(None)
+    assert none.spread.axes(none.plant) == ()
+
+
+def test_more_parameters_than_can_be_searched_are_refused():
+    """Four units of two parameters each are eight axes."""
+    with pytest.raises(InvalidInputError) as caught:
+        Specification(
+            first_order(4, 1.0, 10.0, 0.1), USUAL, Performance(),
+            spread=Spread(gain=0.1, time_constant=0.1, each_unit=True),
+        )  # fmt: skip
+    assert caught.value.field == "/spread/each_unit"
