@@ -65,7 +65,7 @@ def with_limit(
         return {**document, "limit": _without("not_covered", f"No limit: {text}.")}
     # Compiled kernels and cvxpy are loaded where they are used.
     from solver.limits.comparison import compare_controllers  # noqa: PLC0415
-    from solver.limits.record import EnoughError  # noqa: PLC0415
+    from solver.limits.ending import EnoughError  # noqa: PLC0415
 
     left = request.search.time_limit - float(document["search"]["elapsed_seconds"])
     end = time.monotonic() + max(left, 0.0)

@@ -167,7 +167,7 @@ class DrawnLimit(Drawn):
 def compute(request: LimitRequest, on_progress: OnProgress | None = None) -> dict[str, Any]:
     """Return the limit and the tuned loops."""
     from solver.limits.comparison import compare_controllers
-    from solver.limits.record import EnoughError
+    from solver.limits.ending import EnoughError
     from solver.model.state_space import StateSpace as System
     from solver.tuning.record import Progress
     from solver.tuning.tuner import tune

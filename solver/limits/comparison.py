@@ -10,9 +10,9 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
+from solver.limits.ending import EnoughError
 from solver.limits.manual import controller_in_manual, loops_in_manual
 from solver.limits.multivariable import multivariable_limit, require_covered
-from solver.limits.record import EnoughError
 from solver.limits.structure_search import structured_controllers
 from solver.limits.youla import youla_blocks
 from solver.robustness.centralised_curves import central_blocks

@@ -12,11 +12,7 @@ if TYPE_CHECKING:
     from solver.model.state_space import StateSpace
     from solver.robustness.centralised import Centralised
 
-__all__ = ["EnoughError", "Limit", "LimitStatus", "Realised"]
-
-
-class EnoughError(Exception):
-    """Raised by a `tick`: the search ends, and what it has found so far is its result."""
+__all__ = ["Limit", "LimitStatus", "Realised"]
 
 
 class LimitStatus(StrEnum):

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.limits.basis import Basis
+from solver.limits.ending import EnoughError
 from solver.limits.programs import AffineBlock, MatrixProgram, ScalarProgram
-from solver.limits.record import EnoughError
 from solver.limits.youla import youla_blocks
 from solver.model.frequencies import corners, grid, resonances
 from solver.model.peaks import local_peaks

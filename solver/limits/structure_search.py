@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.optimize import brentq, minimize
 
-from solver.limits.record import EnoughError
+from solver.limits.ending import EnoughError
 from solver.limits.search import bandwidth_of
 from solver.limits.structures import structures
 from solver.limits.youla import youla_blocks
