@@ -132,7 +132,8 @@ function handOn(name, { plant, uncertainty, epsilon, theta, outputs, origin }, c
     && same(den[0] / den[1], theta / 2) && same(num[1] / den[1], epsilon);
   const unitOf = (/** @type {string} */ output) => columns.find((column) => column.name === output)?.unit ?? null;
   const body = {
-    ...initial(operation("/v1/tunings").input), title: name.replace(/\.csv$/i, ""), time_unit: timeUnit(), plant, origin,
+    ...initial(operation("/v1/tunings").input), title: name.replace(/\.csv$/i, ""), time_unit: timeUnit(), plant,
+    origin,
     uncertainty: simple ? { epsilon, theta, structure: uncertainty.structure } : uncertainty,
     instruments: outputs.map((/** @type {string} */ tag) => ({ tag, output_unit: unitOf(tag) })),
   };
