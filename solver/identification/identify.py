@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Alternative", "Identification", "identify"]
 
+MOST_SEEDS = 2**63  # as over HTTP, so that every result can be had there
 POOR = 50.0  # per cent of normalised fit
 
 
@@ -162,8 +163,8 @@ def identify(
     structure = choice(PlantStructure, structure, "/structure")
     instance(allowed, Allowed, "/allowed")
     drift, seed = flag(drift, "/drift"), integer(seed, "/seed")
-    if seed < 0:
-        message = "must not be negative"
+    if not 0 <= seed < MOST_SEEDS:
+        message = "must lie in 0..2^63 - 1"
         raise InvalidInputError(message, "/seed")
     inputs, outputs = check_records(records, validation)
     if structure is not PlantStructure.PARALLEL and len(inputs) > MAX_MATRIX_SIZE:
