@@ -18,7 +18,7 @@ from service.schemas.encoding import encode
 from service.schemas.fields import WHOLE, AnalysisRequest, IdentifiedResult, ResultModel, below
 from service.schemas.plants import Plant
 from service.wording import number
-from solver.relay.sequential import MAX_LOOPS, MAX_ROUNDS, RelayTuning, Rule
+from solver.relay.sequential_query import MAX_LOOPS, MAX_ROUNDS, RelayTuning, Rule
 
 __all__ = ["ANALYSIS", "RelayTuningRequest", "RelayTuningResult"]
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from solver.identification.fitting import fit as least
 from solver.identification.fitting import steps
@@ -75,4 +75,4 @@ def test_equality(fit: RowFit) -> Equality:
         V = spreads[unit] + 1e-12 * np.trace(spreads[unit]) * np.eye(u.shape[1])
         statistic += float(scores[unit] @ np.linalg.solve(V, scores[unit]))
     freedom = (len(units) - 1) * u.shape[1]
-    return Equality(statistic, freedom, float(chi2.sf(statistic, freedom)))
+    return Equality(statistic, freedom, float(chdtrc(freedom, statistic)))

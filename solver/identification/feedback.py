@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.stats import f as fisher
+from scipy.special import fdtrc
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -59,7 +59,7 @@ def followed(record: Record) -> dict[str, float]:
             continue
         share = 1 - together / alone
         statistic = share / read.shape[1] / max((1 - share) / freedom, 1e-300)
-        if share > SHARE and fisher.sf(statistic, read.shape[1], freedom) < CHANCE:
+        if share > SHARE and fdtrc(read.shape[1], freedom, statistic) < CHANCE:
             found[name] = share
     return found
 

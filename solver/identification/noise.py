@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import LinAlgError, solve_toeplitz
 from scipy.signal import lfilter
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from solver.identification.fitting import steps
 
@@ -93,7 +93,7 @@ def covariance(row: Row, solved: Solved, limits: TimeLimits) -> Covariance:
     return Covariance(
         matrix,
         factor,
-        float(student.ppf(QUANTILE, freedom)),
+        float(stdtrit(freedom, QUANTILE)),
         float(np.sqrt(variance * scale)),
         float(independent),
     )

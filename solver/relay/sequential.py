@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solver.model.errors import InvalidInputError
 from solver.model.frequencies import corners_of
-from solver.model.plants import MatrixPlant, Plant
-from solver.model.validation import instance, integer, integers, settle
+from solver.model.plants import MatrixPlant
+from solver.model.validation import instance
 from solver.relay.analysis import relay_experiment
 from solver.relay.describing_function import ultimate_point
 from solver.relay.experiment import PlacedLoop, Relay, RelayExperiment
+from solver.relay.sequential_query import RelayTuning
 from solver.simulation.loops import Loop
 from solver.stability.closed_loop import is_stable
 
@@ -30,21 +30,12 @@ if TYPE_CHECKING:
     from solver.relay.behaviour import Behaviour
     from solver.relay.describing_function import Ultimate
 
-__all__ = ["RelayTuning", "RelayTuningOutcome", "Rule", "TunedByRelay", "Verdict", "relay_tuning"]
+__all__ = ["RelayTuningOutcome", "TunedByRelay", "Verdict", "relay_tuning"]
 
-MAX_LOOPS = 4
-MAX_ROUNDS = 20
 SAME = 0.02  # relative change of settings below which nothing changes any more
 _PERIODS_OPEN, _PERIODS_CLOSED = 30, 50  # simulated: with loops closed cycles change late
 _WITHOUT = 100.0  # time over the slowest corner's, of a process without an ultimate point
 _SAMPLES = 101
-
-
-class Rule(StrEnum):
-    """Rule from an ultimate point to settings, see `solver.relay.settings`."""
-
-    ZIEGLER_NICHOLS = "ziegler_nichols"
-    TYREUS_LUYBEN = "tyreus_luyben"
 
 
 class Verdict(StrEnum):
@@ -57,54 +48,6 @@ class Verdict(StrEnum):
     CONVERGED = "converged"
     NO_CYCLE = "no_cycle"
     ROUNDS = "rounds"
-
-
-@dataclass(frozen=True)
-class RelayTuning:
-    """What is tuned.
-
-    Parameters
-    ----------
-    plant : Plant
-        At most `MAX_LOOPS` loops.
-    relay : Relay
-        The relay of every experiment; its amplitude takes the sign of each process.
-    rule : Rule
-        From ultimate points to settings.
-    pairing : tuple of int or None
-        Input of each output; None: as numbered.
-    rounds : int
-        Most repetitions of steps 3 and 4.
-
-    """
-
-    plant: Plant
-    relay: Relay
-    rule: Rule = Rule.ZIEGLER_NICHOLS
-    pairing: tuple[int, ...] | None = None
-    rounds: int = 5
-
-    def __post_init__(self) -> None:
-        instance(self.plant, Plant, "/plant")
-        instance(self.relay, Relay, "/relay")
-        n = self.plant.n
-        if not 2 <= n <= MAX_LOOPS:
-            message = f"relay experiments loop by loop are for 2 to {MAX_LOOPS} loops"
-            raise InvalidInputError(message, "/plant")
-        if self.pairing is not None:
-            settle(self, pairing=integers(self.pairing, "/pairing"))
-            if sorted(self.pairing) != list(range(n)):
-                message = f"a pairing names each input 0..{n - 1} once"
-                raise InvalidInputError(message, "/pairing")
-        settle(self, rounds=integer(self.rounds, "/rounds"))
-        if not 1 <= self.rounds <= MAX_ROUNDS:
-            message = f"1 to {MAX_ROUNDS} rounds"
-            raise InvalidInputError(message, "/rounds")
-
-    @property
-    def inputs(self) -> tuple[int, ...]:
-        """Input of each output."""
-        return tuple(range(self.plant.n)) if self.pairing is None else self.pairing
 
 
 @dataclass(frozen=True)

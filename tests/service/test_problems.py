@@ -148,7 +148,7 @@ def test_all_faults_are_reported_at_once(client: httpx.Client) -> None:
         ("/plant/process", {}, [("/plant/process", "no such field")]),
         (
             "/plant/kind",
-            "first_ordr",
+            "fist_order",
             [("/plant/kind", "no such kind; did you mean first_order?")],
         ),
         (

@@ -8,7 +8,8 @@ from solver.model.plants import MatrixPlant, first_order
 from solver.model.transfer_function import TransferFunction
 from solver.relay.analysis import relay_experiment
 from solver.relay.experiment import Relay
-from solver.relay.sequential import RelayTuning, Rule, Verdict, relay_tuning
+from solver.relay.sequential import Verdict, relay_tuning
+from solver.relay.sequential_query import RelayTuning, Rule
 
 LAG = TransferFunction([1], [1, 3, 3, 1])
 WEAK = MatrixPlant(
