@@ -1,4 +1,4 @@
-"""Results as tables for people: settings in three forms, peaks, search, what asymmetry buys."""
+"""Results as tables for people: settings in three forms, peaks, search, what different settings gain."""
 
 from __future__ import annotations
 
@@ -131,9 +131,9 @@ def scenarios_grid(result: TuningResult) -> Grid:
 def _bought(result: TuningResult, comparison: Comparison) -> str:
     identical, percent = number(comparison.identical_value), comparison.gain_percent
     if percent is None or percent < 100 * NO_LESS:
-        return f"Asymmetry buys nothing: identical settings reach {identical} too."
+        return f"Different settings gain nothing: identical settings reach {identical} too."
     return (
-        f"What asymmetry buys: {_objective(result)} instead of {identical} with identical "
+        f"What different settings gain: {_objective(result)} instead of {identical} with identical "
         f"settings, {number(percent)} % less."
     )
 

@@ -43,9 +43,11 @@ class ActuatorPerturbation(RequestModel):
 
 
 class CoupledPerturbation(RequestModel):
-    """Actuators that err in concert: actual inputs u + left w (right' u)."""
+    """Actuators whose errors depend on each other: actual inputs u + left w (right' u)."""
 
-    kind: Literal["coupled"] = Field(description="Actuators in concert.", examples=["coupled"])
+    kind: Literal["coupled"] = Field(
+        description="Actuators whose errors depend on each other.", examples=["coupled"]
+    )
     weight: TransferFunction = Field(
         description="w(s), stable.", examples=[{"num": [1.0, 0.2], "den": [0.5, 1.0]}]
     )

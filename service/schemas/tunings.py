@@ -335,7 +335,7 @@ class SearchSummary(ResultModel):
 
 
 class Comparison(ResultModel):
-    """What asymmetry buys."""
+    """What different settings gain."""
 
     identical_value: float | None = Field(
         description="Objective of the best identical settings.", examples=[25.77]
@@ -450,7 +450,7 @@ class TuningResult(IdentifiedResult, ResultModel):
         examples=[None],
     )
     comparison: Comparison | None = Field(
-        description="What asymmetry buys, for the arrangement best.", examples=[None]
+        description="What different settings gain, for the arrangement best.", examples=[None]
     )
     certificate: dict[str, Any] | None = Field(
         description="Proof for all frequencies, where asked for.", examples=[None]

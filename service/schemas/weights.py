@@ -26,7 +26,7 @@ __all__ = [
 StructureName = Annotated[
     Literal["diagonal", "full"],
     Field(
-        description="diagonal: the actuators err independently; full: they may err in concert.",
+        description="diagonal: the actuators err independently; full: their errors may depend on each other.",
         examples=["diagonal"],
     ),
 ]
@@ -71,7 +71,8 @@ class _OfError(_Errors):
     )
     theta: Time | Annotated[list[Time], _Each] = Field(
         description="The error reaches 100 per cent near the frequency 1/theta. Of a neglected "
-        "dead time the weight covers about 0.7 theta; gain_error and dead_time_error cover all. "
+        "dead time the weight covers about 0.7 theta, above the frequency 2.6/theta a tenth less; "
+        "gain_error and dead_time_error cover all. "
         "One for all, or a list with one each.",
         examples=[1.0, [1.0, 2.5]],
     )

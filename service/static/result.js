@@ -103,7 +103,7 @@ function limit({ lower_bound: least, gap, status }) {
     ` ${number(100 * gap, 3)} % less than here.`);
 }
 
-/** What asymmetry buys. @param {any} result */
+/** What different settings gain. @param {any} result */
 function gain({ comparison: { gain_percent: percent, identical_value: value, identical_loop: loop }, objective }) {
   if (!(percent >= 1e-4)) return h("p", { class: "gain" }, `Identical settings reach ${number(value)} too.`);
   const [better, unit] = objective === "tau_p" ? ["faster", ` ${timeUnit()}`] : ["lower", ""];

@@ -35,7 +35,7 @@ SHORTEST = 1e-40  # dead time whose cube still is a coefficient
 class Structure(StrEnum):
     """Structure of the input uncertainty.
 
-    DIAGONAL: the inputs err independently. FULL: they may err in concert.
+    DIAGONAL: the inputs err independently. FULL: their errors may depend on each other.
     """
 
     DIAGONAL = "diagonal"
@@ -52,7 +52,7 @@ class Uncertainty:
         w_I(s), dimensionless; only its magnitude matters. Not zero, no pole on the imaginary
         axis or to its right. One for all inputs, or one an input.
     structure : Structure or str
-        DIAGONAL: the actuators err independently. FULL: they may err in concert.
+        DIAGONAL: the actuators err independently. FULL: their errors may depend on each other.
     outputs : Uncertainty or None
         That of the outputs, the errors of the sensors: independent, w_O its `weight`. Besides
         independent inputs only. None: the outputs are known.

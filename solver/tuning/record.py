@@ -75,7 +75,7 @@ class SearchSummary:
 
 @dataclass(frozen=True)
 class Comparison:
-    """What asymmetry buys: the best identical settings beside the best ones.
+    """What different settings gain: the best identical settings beside the best ones.
 
     `identical_value` is the objective of `identical_loop` on every unit, `gain_percent` 100 (1
     - best/identical) of the objective.

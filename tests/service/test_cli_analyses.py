@@ -83,7 +83,7 @@ def test_interaction_without_relative_gains() -> None:
 def test_searched_zeros_say_how_far() -> None:
     """Wood and Berry's dead times do not factor out."""
     output = _mutune("interaction", str(EXAMPLES / "interaction_wood_berry.json")).stdout
-    assert "as far as sought" in output
+    assert "within the radius searched" in output
 
 
 def test_decoupling_in_tables() -> None:

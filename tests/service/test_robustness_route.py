@@ -40,7 +40,7 @@ def test_worst_case_and_margins_come_with_the_analysis(client: httpx.Client) -> 
 
 
 def test_worst_case_of_a_full_block_has_rank_one(client: httpx.Client) -> None:
-    """Actuators that err in concert: a column and a row in place of a diagonal."""
+    """Actuators whose errors depend on each other: a column and a row in place of a diagonal."""
     request = altered(ROBUSTNESS, "/uncertainty/structure", "full")
     result = RobustnessResult.model_validate(client.post(PATH, json=request).json())
     assert result.worst_case is not None

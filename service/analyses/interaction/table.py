@@ -109,7 +109,11 @@ def _pairings(ranking: PairingRanking) -> Grid:
 def _zeros(zeros: TransmissionZeros) -> Part:
     if zeros.degenerate:
         return Line("The outputs depend on each other at all frequencies.")
-    where = "" if zeros.searched_radius is None else " in the right half plane, as far as sought"
+    where = (
+        ""
+        if zeros.searched_radius is None
+        else " in the right half plane, within the radius searched"
+    )
     if not zeros.zeros:
         return Line(f"No transmission zeros{where}.")
     rows = [

@@ -370,7 +370,7 @@ def table(result: ParallelDrivesResult) -> list[Part]:
         )
         for index in range(len(before.shares_at_end))
     ]
-    heads = ("Share of the effort", "before the pulse", "at the end", "mended", "or else")
+    heads = ("Share of the effort", "before the pulse", "at the end", "one remedy", "the other")
     return [*parts, Grid(heads, rows)]
 
 
