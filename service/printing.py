@@ -68,6 +68,12 @@ class Grid:
 Part = Line | Grid
 
 _TIMES = frozenset({"τI", "τD", "τF", "Ti", "Td", "Tf", "Ki", "Kd"})
+_DURATIONS = frozenset(
+    {"rise", "settle", "settling", "later change at", "delay", "from", "to", "period"}
+    | {"half period", "dead time"}
+)
+_RATES = frozenset({"bandwidth", "ωu"})
+_PARAMETERS = frozenset({"time constant", "dead time"})  # in cells, a line each
 
 
 def in_unit(parts: Sequence[Part], unit: str | None) -> Sequence[Part]:
@@ -77,15 +83,23 @@ def in_unit(parts: Sequence[Part], unit: str | None) -> Sequence[Part]:
 
     def named(text: str) -> str:
         text = re.sub(r"rad(/time| per time unit)\b", f"rad/{unit}", text)
-        return re.sub(r"(τP = [-+.e\d]*\d)", rf"\1 {unit}", text)
+        before = "τP =|Simulated up to|Ended at|Period|held for"
+        return re.sub(rf"((?:{before}) [-+.e\d]*\d)", rf"\1 {unit}", text)
 
     def head(text: str) -> str:
+        if text in _DURATIONS:
+            return f"{text}, {unit}"
+        if text in _RATES:
+            return f"{text}, rad/{unit}"
         return text + unit_of(text, unit) if text in _TIMES else named(text)
+
+    def cells(row: Sequence[str]) -> list[str]:
+        return [f"{cell}, {unit}" if cell in _PARAMETERS else cell for cell in row]
 
     return [
         Line(named(part.text), part.style)
         if isinstance(part, Line)
-        else Grid([*map(head, part.heads)], part.rows, part.left)
+        else Grid([*map(head, part.heads)], [*map(cells, part.rows)], part.left)
         for part in parts
     ]
 

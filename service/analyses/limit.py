@@ -99,7 +99,7 @@ class Decentralised(ResultModel):
 
     status: str = Field(description="Status of the tuning.", examples=["optimal"])
     value: float | None = Field(description="Their tau_p or mu.", examples=[18.4])
-    loops: list[Loop] = Field(description="Settings, one entry a unit.", examples=[[]])
+    loops: list[Loop] = Field(description="Settings, one entry a loop.", examples=[[]])
 
 
 class LimitResult(ResultModel):

@@ -54,7 +54,7 @@ class RetuneRequest(TuningRequest, AnalysisRequest):
         """
         if self.search.start is None:
             with below("/search"):
-                message = "known settings are needed, one entry a unit"
+                message = "known settings are needed, one entry a loop"
                 raise InvalidInputError(message, "/start")
         return super().build()
 

@@ -84,7 +84,7 @@ class RobustnessRequest(GivenLoops):
 
     loops: Annotated[tuple[GivenLoop, ...], Field(max_length=MAX_UNITS)] = Field(
         default=(),
-        description="Settings, one entry a unit; or else a controller.",
+        description="Settings, one entry a loop; or else a controller.",
         examples=[EXAMPLE["loops"]],
     )
     controller: FullController | None = Field(

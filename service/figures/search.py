@@ -25,10 +25,12 @@ def landscape(tuned: RequestedTuning) -> go.Figure:
     optima = tuned.result.search.local_optima[:_SHOWN]
     found = len(tuned.result.search.local_optima)
     ended = sum(optimum.count for optimum in tuned.result.search.local_optima)
+    starts = tuned.result.search.starts
     panels = Panels(
         "Landscape: the local optima of the search",
-        f"Of {tuned.result.search.starts} starts {ended} ended in {found} different local optima, "
-        "the others were given up as worse"
+        f"Of {starts} starts {ended} ended in {found} "
+        + ("local optimum" if found == 1 else "different local optima")
+        + (", the others were given up as worse" if ended < starts else "")
         + (f", the best {_SHOWN} of which are shown" if found > _SHOWN else "")
         + ". Above: their values, and how many starts ended there. Below: the settings of each; "
         "lines join the loops of one optimum.",

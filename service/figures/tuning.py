@@ -86,7 +86,7 @@ def _load(tuned: RequestedTuning) -> go.Figure:
     errors = [(loop.integral_time or 0.0) / abs(loop.gain) for loop in tuned.loops]
     unit = max(range(len(errors)), key=errors.__getitem__)
     return tuned_response(
-        f"Load responses: unit step at the input of unit {unit + 1}",
+        f"Load responses: unit step at the input of loop {unit + 1}",
         "All loops closed, set points constant. " + _PANELS,
         simulations.loaded(tuned, unit),
         tuned.unit,

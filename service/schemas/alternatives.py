@@ -80,7 +80,7 @@ class Alternative(ResultModel):
         examples=[{"status": "proven", "level": 1.0001, "reason": None}],
     )
     loops: list[Loop] = Field(
-        description="Settings of single loops, one entry a unit; else empty.", examples=[[]]
+        description="Settings of single loops, one entry a loop; else empty.", examples=[[]]
     )
     settings: list[ScalarController] = Field(
         description="Settings inside of a structure; else empty.", examples=[[]]

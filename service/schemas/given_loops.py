@@ -70,7 +70,7 @@ class GivenLoops(ArrangedRequest):
         description="The demand; tau_p is needed.", examples=[EXAMPLE["performance"]]
     )
     loops: Annotated[tuple[GivenLoop, ...], Field(min_length=1, max_length=MAX_UNITS)] = Field(
-        description="Settings, one entry a unit.", examples=[EXAMPLE["loops"]]
+        description="Settings, one entry a loop.", examples=[EXAMPLE["loops"]]
     )
 
     def weights(

@@ -103,7 +103,7 @@ class Search(RequestModel):
     )
     start: list[GivenLoop] | None = Field(
         default=None,
-        description="Known settings, one entry a unit: only the best settings beside them are "
+        description="Known settings, one entry a loop: only the best settings beside them are "
         "sought, in a third of the time; the status is then local.",
         examples=[None],
     )
@@ -172,7 +172,7 @@ class TuningRequest(RecordedRequest):
     )
     as_found: Annotated[list[GivenLoop], Field(min_length=1, max_length=MAX_UNITS)] | None = Field(
         default=None,
-        description="Today's settings, one entry a unit; the result tells what they do, beside "
+        description="Today's settings, one entry a loop; the result tells what they do, beside "
         "its own.",
         examples=[None],
     )
@@ -406,7 +406,7 @@ class TuningResult(IdentifiedResult, ResultModel):
         ],
     )
     loops: list[Loop] = Field(
-        description="Settings, one entry a unit.",
+        description="Settings, one entry a loop.",
         examples=[[{"gain": 47.65, "integral_time": 101.2, "derivative_time": None}]],
     )
     groups: list[list[int]] = Field(

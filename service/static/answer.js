@@ -2,7 +2,7 @@
 
 import { request } from "./api.js";
 import { button, download, h, put, table } from "./dom.js";
-import { figuresOfAnswer, showFigures } from "./figures.js";
+import { figuresOfAnswer, inUnit, showFigures } from "./figures.js";
 import { unitText } from "./format.js";
 import { exists } from "./schema.js";
 
@@ -13,13 +13,14 @@ export function answered({ name, summary }, answer) {
   const figures = h("div", { class: "figures" });
   if (exists(`/v1/figures/${name}`)) showFigures(figures, figuresOfAnswer(name, answer), name);
   const save = () => download(`${name}.json`, JSON.stringify(answer, null, 2));
-  request("POST", `/v1/tables/${name}`, { body: answer }).then(({ parts }) => {
+  request("POST", inUnit(`/v1/tables/${name}`), { body: answer }).then(({ parts }) => {
     put(tables, h("h2", {}, summary), partsOf(parts), h("p", {}, button("Download all of it as JSON", save, "quiet")));
   });
   return h("div", { class: "answer" }, tables, figures);
 }
 
-const inOwnUnit = (/** @type {string} */ text) => text.replace("rad/time", unitText("rad/time"));
+const inOwnUnit = (/** @type {string} */ text) =>
+  text.replace(/rad\/time(?! unit)/, unitText("rad/time")).replace(/\bmu\b/g, "μ");
 
 /** Lines and tables of the service as elements. @param {any[]} parts */
 export const partsOf = (parts) => parts.filter(({ text }) => text !== "").map((part) => {

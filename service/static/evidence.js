@@ -4,7 +4,7 @@ import { request } from "./api.js";
 import { button, card, copy, csv, download, h, help, put, table } from "./dom.js";
 import { segments } from "./fields.js";
 import { figuresOf, showFigures, waiting } from "./figures.js";
-import { duration, label, number, sentence, timeUnit, unitText } from "./format.js";
+import { duration, label, number, plain, sentence, timeUnit, unitText } from "./format.js";
 import { operation, resolve } from "./schema.js";
 
 const FORMS = ["cascade", "ideal", "parallel"];
@@ -97,7 +97,7 @@ function settings({ loops, groups }) {
     const rows = groups.map((group, i) => [loopsOf(group), ...keys.map((key) => number(given[i][key], 5))]);
     const reasons = forms.filter((one) => !one[form]).map((one) => sentence(one.reason));
     put(place, table("Controller settings", ["", ...names], rows),
-      help([described.description, ...new Set(reasons)].join(" ")));
+      help(plain([described.description, ...new Set(reasons)].join(" "))));
   };
   node.addEventListener("change", show);
   show();

@@ -45,7 +45,7 @@ function loadPlotly() {
 }
 
 /** The path that asks for texts in the user's unit. @param {string} path */
-export const inUnit = (path) => `${path}?unit=${encodeURIComponent(timeUnit())}`;
+export const inUnit = (path) => (timeUnit() === "time units" ? path : `${path}?unit=${encodeURIComponent(timeUnit())}`);
 
 /** The figures of a tuning. @param {string} id @returns {Promise<Figures>} */
 export const figuresOf = (id) => request("GET", inUnit(`/v1/tunings/${id}/figures`));

@@ -9,7 +9,8 @@ const NAMES = /** @type {Record<string, string>} */ ({
   wood_berry: "Wood and Berry", relay_johansson: "Johansson's relay",
 });
 const OPTIONS = /** @type {Record<string, string>} */ ({
-  tau_p: "Fastest loop, τₚ", mu: "Most robust, μ",
+  tau_p: "Fastest loop, τₚ", mu: "Most robust, μ", sdp: "SDP",
+  ziegler_nichols: "Ziegler and Nichols", tyreus_luyben: "Tyreus and Luyben",
   UncertaintyOfError: "Error and time scale", UncertaintyOfWeight: "Weight w(s)",
   UncertaintyOfGainAndDeadTime: "Errors of gain and dead time",
   OutputsOfError: "Error and time scale", OutputsOfWeight: "Weight w(s)",
@@ -50,7 +51,9 @@ export const sentence = (text) => (text ?? "").replace(/^./, (first) => first.to
 const PLAIN = [
   [/\b[tT]au_([A-Za-z])\b/g, "τ_$1"], [/τ_[Pp]/g, "τₚ"], [/τ_([IDF])/g, "τ$1"],
   [/\bomega_B\b/g, "ωB"], [/\bomega\b/g, "ω"], [/\btheta\b/g, "θ"], [/\bepsilon\b/g, "ε"], [/\btau\b/g, "τ"],
-  [/\bmu\b/g, "μ"], [/\bnull: ?/g, "Empty: "], [/\bnull\b/g, "empty"], [/\(?from 0\)?/g, "counted from 1"],
+  [/\bmu\b/g, "μ"], [/τP/g, "τₚ"], [/\beps\b/g, "ε"], [/Delta_/g, "Δ_"],
+  [/(?<![A-Za-z])([wMKΔ])_(i0|[OIstu])\b/g, "$1$2"],
+  [/; null: ?/g, ". Empty: "], [/\bnull: ?/g, "Empty: "], [/\bnull\b/g, "empty"], [/\(?from 0\)?/g, "counted from 1"],
   [/\bperformance\./g, ""], [/(?<=[a-z])_(?=[a-z])/g, " "],
 ];
 

@@ -116,5 +116,5 @@ function verdictOf({ nominally_stable: stable, peaks, demand_met: met }) {
   if (met) return `As typed, the demand is met: μ is at most ${number(value, 5)}.`;
   const over = `${number(100 * (value - 1), 2)} %`;
   return value < 1 + AS_GOOD ? `As typed, the demand is met but for ${over}: rounding.`
-    : h("strong", {}, `As typed, the demand is not quite met: μ is ${over} above 1.`);
+    : h("strong", {}, `As typed, the demand is not met: μ is ${over} above 1.`);
 }

@@ -54,6 +54,10 @@ const defined = (name, /** @type {Child} */ content) =>
 /** The plant of a request, or nothing while it is incomplete. @param {any} plant */
 export function plantFormula(plant) {
   const view = scroller("Formula of the plant", "formula");
+  requestAnimationFrame(() => {
+    const share = view.clientWidth / view.scrollWidth; // below 1 it would be cut: it is drawn smaller
+    if (share < 1) view.style.fontSize = `${Math.max(0.55, 0.97 * share) * 1.15}rem`;
+  });
   if (plant.kind === "matrix") {
     const cells = plant.elements.map((line) => line.map(row));
     const complete = cells.flat().every(Boolean);

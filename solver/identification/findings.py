@@ -233,6 +233,11 @@ def _ratio_alone(
     return f"{why}, and so is the gain"
 
 
+def _two_digits(value: float) -> str:
+    """Return a positive value with two significant digits, 1200 and not 1.2e+03."""
+    return f"{float(f'{value:.2g}'):g}"
+
+
 def _test(fit: RowFit, element: Element, name: str, *, unseen: bool) -> str:
     """Return the test that would tell: which input, how large, how long."""
     longest = fit.limits.longest if unseen else max(element.lag, 5 * fit.limits.sample)
@@ -242,8 +247,8 @@ def _test(fit: RowFit, element: Element, name: str, *, unseen: bool) -> str:
     if unseen or gain == 0 or noise == 0:
         size = "as large as the plant permits"
     else:
-        size = f"of at least {CLEAR * noise / gain:.2g}"
+        size = f"of at least {_two_digits(CLEAR * noise / gain)}"
     return (
-        f"a step of {name} {size}, held for {hold:.2g} or longer while the other inputs rest, and "
-        "back again"
+        f"a step of {name} {size}, held for {_two_digits(hold)} or longer while the other inputs "
+        "rest, and back again"
     )

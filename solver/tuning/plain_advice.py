@@ -128,7 +128,7 @@ def _limited_by(specification: Specification, tuning: Tuning, omega: float) -> I
     # Among like directions the weakest is none of them in particular.
     if share[unit] >= CHIEFLY and sizes[0] >= APART * sizes[1]:
         name = "tau_P" if specification.objective is Objective.TAU_P else "mu"
-        yield f"{name} is limited by unit {unit + 1} at {omega:.3g} rad per time unit."
+        yield f"{name} is limited by loop {unit + 1} at {omega:.3g} rad per time unit."
 
 
 def _alone(specification: Specification, tuning: Tuning) -> Iterator[str]:

@@ -45,7 +45,7 @@ class LoopResponsesRequest(AnalysisRequest):
 
     plant: Plant = Field(description="The process, without unstable poles.", examples=[_PLANT])
     loops: Annotated[tuple[Loop | None, ...], Field(min_length=1, max_length=MAX_UNITS)] = Field(
-        description="Settings, one entry a unit; null: the loop is open.", examples=[_LOOPS]
+        description="Settings, one entry a loop; null: the loop is open.", examples=[_LOOPS]
     )
     omega: Frequencies | None = Field(
         default=None,

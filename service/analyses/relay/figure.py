@@ -26,7 +26,7 @@ def relay(result: DrawnRelayExperiment, unit: str = TIME_UNIT) -> go.Figure:
     )
     for row, signals in ((1, result.outputs), (2, result.inputs)):
         for index, (units, values) in enumerate(zip(result.units, signals, strict=False)):
-            name = f"unit{'s' * (len(units) > 1)} {units_text(units)}"
+            name = f"output{'s' * (len(units) > 1)} {units_text(units)}"
             panels.curve(result.time, values, name, line(index), row=row)
     panels.shared_x(time_title(unit))
     panels.y(1, OUTPUT)

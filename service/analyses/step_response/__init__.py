@@ -26,7 +26,7 @@ _ENDS = {
 }
 
 # Nine columns in 80 characters: four digits, short heads.
-_HEADS = ("unit", "rise", "settle", "over", "IAE", "ISE", "max |e|", "var u", "y end")
+_HEADS = ("loop", "rise", "settle", "over", "IAE", "ISE", "max |e|", "var u", "y end")
 
 
 def compute(request: StepResponseRequest) -> dict[str, Any]:
@@ -75,7 +75,7 @@ def table(result: StepResponseResult) -> list[Part]:
         if event.set_point is not None and event.set_point != response.metrics.set_point
     ]
     if later:
-        heads = ("units", "later change at", "by", "rise", "settling", "overshoot")
+        heads = ("loops", "later change at", "by", "rise", "settling", "overshoot")
         parts.append(Grid(heads, later))
     return [*parts, *warning_lines(result.warnings)]
 

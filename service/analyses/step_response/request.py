@@ -134,7 +134,7 @@ class StepResponseRequest(ArrangedRequest):
     plant: Plant = Field(description="The process; dead time is exact.", examples=[_PLANT])
     loops: Annotated[tuple[SimulatedLoop | None, ...], Field(max_length=MAX_UNITS)] = Field(
         default=(),
-        description="Settings, one entry a unit; null: open loop. Or else a controller.",
+        description="Settings, one entry a loop; null: open loop. Or else a controller.",
         examples=[_LOOPS],
     )
     controller: FullController | None = Field(
@@ -164,7 +164,7 @@ class StepResponseRequest(ArrangedRequest):
         Annotated[tuple[InputLimits | None, ...], Field(min_length=1, max_length=MAX_UNITS)] | None
     ) = Field(
         default=None,
-        description="Limits of the inputs, one entry a unit; null: none.",
+        description="Limits of the inputs, one entry a loop; null: none.",
         examples=[None, [{"low": -1.0, "high": 2.0}, None]],
     )
     distribution: (

@@ -11,8 +11,8 @@ from pydantic import BaseModel, ConfigDict, Field
 from service import registry
 from service.analysis import Analysis
 from service.http import bodies
-from service.http.routes.common import BODY_PROBLEMS, described, json_response, problems
-from service.printing import Line, Part
+from service.http.routes.common import BODY_PROBLEMS, Unit, described, json_response, problems
+from service.printing import Line, Part, in_unit
 from service.problems import NotFoundError
 from service.schemas.parsing import parse
 
@@ -70,20 +70,24 @@ async def post_tables(
     resource: Annotated[
         str, Path(description="Last part of the analysis's path.", examples=["robustness"])
     ],
+    unit: Unit | None = None,
 ) -> Response:
     """Say in lines and tables what an analysis found; send its answer as it came."""
     analysis = _ANALYSES.get(resource)
     if analysis is None:
         message = f"There is no analysis {resource}."
         raise NotFoundError(message)
-    found = await asyncio.to_thread(_tables, analysis, await bodies.read_bytes(request))
+    found = await asyncio.to_thread(_tables, analysis, await bodies.read_bytes(request), unit)
     return json_response(found.model_dump_json())
 
 
-def _tables(analysis: Analysis, body: bytes) -> TablesResult:  # type: ignore[type-arg]  # any
-    return TablesResult(
-        parts=[_part(part) for part in analysis.table(parse(analysis.result, body))]
-    )
+def _tables(
+    analysis: Analysis,  # type: ignore[type-arg]  # any
+    body: bytes,
+    unit: str | None,
+) -> TablesResult:
+    found = in_unit(analysis.table(parse(analysis.result, body)), unit)
+    return TablesResult(parts=[_part(part) for part in found])
 
 
 def _part(part: Part) -> TextLine | TextTable:
