@@ -83,7 +83,8 @@ def in_unit(parts: Sequence[Part], unit: str | None) -> Sequence[Part]:
 
     def named(text: str) -> str:
         text = re.sub(r"rad(/time| per time unit)\b", f"rad/{unit}", text)
-        before = "τP =|Simulated up to|Ended at|Period|held for"
+        before = "τP =|Simulated up to|Ended at|Period|held for|Ti"
+        before += r"|dead time is told only to lie between [-+.e\d]+ and"
         return re.sub(rf"((?:{before}) [-+.e\d]*\d)", rf"\1 {unit}", text)
 
     def head(text: str) -> str:

@@ -55,7 +55,7 @@ def tuning_figures(tuned: RequestedTuning) -> TuningFigures:
 def _single(tuned: RequestedTuning) -> go.Figure:
     return tuned_response(
         "Step responses: each loop alone",
-        "Set-point step of one unit, all other loops open. " + _PANELS,
+        "Set-point step of one loop, all others open. " + _PANELS,
         simulations.alone(tuned),
         tuned.unit,
     )

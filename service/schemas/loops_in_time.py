@@ -81,14 +81,14 @@ SimulatedLoop: TypeAlias = Annotated[
 
 
 class TimeStep(RequestModel):
-    """A step in one signal of one unit; two of them make a pulse."""
+    """A step in one signal of one loop; two of them make a pulse."""
 
     kind: Literal["setpoint", "load", "measurement", "input"] = Field(
         description="setpoint: the wanted output. load: added to the plant input. measurement: "
         "added to the measured output. input: added to the wanted input, as by hand.",
         examples=["setpoint"],
     )
-    unit: Unit = Field(description="The unit, from 0.", examples=[0])
+    unit: Unit = Field(description="The loop, from 0.", examples=[0])
     time: Time = Field(default=0.0, description="When it happens.", examples=[0.0])
     size: Size = Field(default=1.0, description="Its size, not zero.", examples=[1.0])
 

@@ -5,7 +5,7 @@ import { h } from "./dom.js";
 const NAMES = /** @type {Record<string, string>} */ ({
   n: "Units n", tau_p: "Time constant τₚ", epsilon: "Error ε", theta: "Time scale θ", mu: "μ",
   omega: "Frequency ω", instruments: "Tags and signals", max_peak: "Peak M", offset: "Offset A", num: "Numerator",
-  den: "Denominator", rga: "RGA", succeeded: "Done", cancelled: "Stopped", mcavoy: "McAvoy",
+  den: "Denominator", rga: "RGA", unit: "Loop", succeeded: "Done", cancelled: "Stopped", mcavoy: "McAvoy",
   wood_berry: "Wood and Berry", relay_johansson: "Johansson's relay",
 });
 const OPTIONS = /** @type {Record<string, string>} */ ({

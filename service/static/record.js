@@ -13,7 +13,7 @@ import { initial, operation } from "./schema.js";
 /** @typedef {import("./csv.js").Column} Column */
 
 const KEPT = "mutune.record"; // the record in hand, for as long as the tab is open
-const ROLES = [["none", "not used"], ["input", "input (valve, drive)"], ["output", "output (measurement)"]];
+const ROLES = [["none", "not used"], ["input", "input (valve, drive)"], ["output", "output (measured)"]];
 const LEAST = 20; // samples of a part that can check a model
 
 /** @param {View} view */

@@ -55,8 +55,10 @@ const defined = (name, /** @type {Child} */ content) =>
 export function plantFormula(plant) {
   const view = scroller("Formula of the plant", "formula");
   requestAnimationFrame(() => {
-    const share = view.clientWidth / view.scrollWidth; // below 1 it would be cut: it is drawn smaller
-    if (share < 1) view.style.fontSize = `${Math.max(0.55, 0.97 * share) * 1.15}rem`;
+    // What would be cut is drawn smaller, as far as it can be read.
+    for (let size = 1.15; size > 0.6 && view.scrollWidth > view.clientWidth; size -= 0.05) {
+      view.style.fontSize = `${size}rem`;
+    }
   });
   if (plant.kind === "matrix") {
     const cells = plant.elements.map((line) => line.map(row));

@@ -106,14 +106,18 @@ def report(
             certificate, reasons = _prove(specification, end, clock)
             warnings += reasons
         except OutOfTimeError:  # the settings are what they are without it
-            warnings.append("no certificate: the time limit came first")
+            warnings.append(
+                "no certificate file: the search was stopped or its time limit came first"
+            )
     scenarios: tuple[ScenarioOutcome, ...] = ()
     try:
         scenarios, said = scenario_outcomes(specification, search, end, certificate, clock.tick)
         warnings += said
     except OutOfTimeError:
         status = Status.TIME_LIMIT
-        warnings.append("no outcome of each scenario: the time limit came first")
+        warnings.append(
+            "no outcome of each scenario: the search was stopped or its time limit came first"
+        )
     result = Tuning(
         status=status,
         objective=specification.objective.value,

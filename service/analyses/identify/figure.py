@@ -57,6 +57,6 @@ def _errors(result: DrawnIdentification, unit: str) -> go.Figure:
         size = [v or None for v in error.size]
         values += size
         panels.curve(result.omega, size, error.source, line(index + 1))
-    panels.shared_x(frequency_title(unit), type="log")
+    panels.shared_x(frequency_title(unit), **log_axis(result.omega))
     panels.y(1, "relative error", **log_axis(values))
     return panels.figure()
