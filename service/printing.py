@@ -73,7 +73,10 @@ _DURATIONS = frozenset(
     | {"half period", "dead time"}
 )
 _RATES = frozenset({"bandwidth", "ωu"})
-_PARAMETERS = frozenset({"time constant", "dead time"})  # in cells, a line each
+_PARAMETERS = frozenset(  # in cells, a line each
+    {"time constant", "time constant sum", "first time constant", "second time constant"}
+    | {"dead time"}
+)
 
 
 def in_unit(parts: Sequence[Part], unit: str | None) -> Sequence[Part]:

@@ -48,22 +48,36 @@ export const transferFunction = (tf) => row(tf) && formula(row(tf));
 const matrix = (cells) =>
   math("mtable", {}, cells.map((line) => math("mtr", {}, line.map((cell) => math("mtd", {}, cell)))));
 
-const defined = (name, /** @type {Child} */ content) =>
-  formula(mi(name), fence("("), mi("s"), fence(")"), mo("="), content);
+const defined = (/** @type {string | Element} */ name, /** @type {Child} */ content) =>
+  formula(typeof name === "string" ? mi(name) : name, fence("("), mi("s"), fence(")"), mo("="), content);
+
+const MOST = 3; // rows of a matrix whose elements are written one below the other
+
+/** A matrix of names, and each element below it. @param {any[][]} elements */
+function elementwise(elements) {
+  const name = (r, c) => math("msub", {}, mi("g"), mi(`${r + 1}${c + 1}`));
+  return [defined("G", matrix(elements.map((line, r) => line.map((_, c) => name(r, c))))),
+    ...elements.flatMap((line, r) => line.map((tf, c) => defined(name(r, c), row(tf))))];
+}
+
+/**
+ * Draw smaller what would be cut, or else in another way.
+ * @param {HTMLElement} view @param {(() => Element[]) | null} otherwise
+ */
+const fit = (view, otherwise) => requestAnimationFrame(() => {
+  const isCut = () => view.scrollWidth > view.clientWidth;
+  for (let size = 1.15; size > 0.85 && isCut(); size -= 0.05) view.style.fontSize = `${size}rem`;
+  if (isCut() && otherwise) put(view, ...otherwise());
+});
 
 /** The plant of a request, or nothing while it is incomplete. @param {any} plant */
 export function plantFormula(plant) {
   const view = scroller("Formula of the plant", "formula");
-  requestAnimationFrame(() => {
-    // What would be cut is drawn smaller, as far as it can be read.
-    for (let size = 1.15; size > 0.6 && view.scrollWidth > view.clientWidth; size -= 0.05) {
-      view.style.fontSize = `${size}rem`;
-    }
-  });
   if (plant.kind === "matrix") {
     const cells = plant.elements.map((line) => line.map(row));
     const complete = cells.flat().every(Boolean);
     if (complete) put(view, defined("G", matrix(cells)));
+    if (complete) fit(view, cells.length > MOST ? null : () => elementwise(plant.elements));
     return view;
   }
   const { n, gain: k, time_constant: tau, interaction: a, dead_time } = plant;

@@ -89,3 +89,23 @@ def test_times_are_printed_with_their_unit() -> None:
     assert isinstance(grid, Grid)
     assert list(grid.heads) == ["loop", "k", "τI, min", "Ki, 1/min", "ω (rad/min)"]
     assert named(parts, None) is parts
+
+
+def test_durations_of_analyses_are_printed_with_their_unit() -> None:
+    """Heads, parameters and ends that are times carry the name; other numbers do not."""
+    parts = [
+        Line("Simulated up to 40."),
+        Line("All plants stay stable up to 2.8 times the uncertainty."),
+        Grid(("loop", "rise", "over", "bandwidth"), [("1", "6.8", "0.02", "0.2")]),
+        Grid(("element", "parameter", "value"), [("y", "dead time", "2"), ("", "gain", "1")]),
+    ]
+    told = named(parts, "min")
+    assert [part.text for part in told[:2] if isinstance(part, Line)] == [
+        "Simulated up to 40 min.",
+        "All plants stay stable up to 2.8 times the uncertainty.",
+    ]
+    measures, estimates = told[2:]
+    assert isinstance(measures, Grid)
+    assert list(measures.heads) == ["loop", "rise, min", "over", "bandwidth, rad/min"]
+    assert isinstance(estimates, Grid)
+    assert [row[1] for row in estimates.rows] == ["dead time, min", "gain"]

@@ -31,6 +31,21 @@ def test_tables_are_those_of_the_command_line(client: httpx.Client, name: str) -
         )
 
 
+def test_tables_name_the_unit_that_is_asked_for(client: httpx.Client) -> None:
+    """Delays and frequencies of the margins are told in the unit of the query."""
+    analysis = registry.load("robustness")
+    (example,) = analysis.request.model_json_schema()["examples"]
+    answer = client.post(analysis.path, json=example)
+    told = client.post(
+        f"/v1/tables/{analysis.resource}",
+        params={"unit": "h"},
+        content=answer.content,
+        headers=WITH_JSON,
+    ).json()["parts"]
+    heads = [head for part in told for head in part.get("heads", [])]
+    assert {"ω (rad/h)", "delay, h", "bandwidth, rad/h"} <= set(heads)
+
+
 def test_what_is_no_answer_is_refused(client: httpx.Client) -> None:
     """Another object is a bad request, an unknown analysis is not found."""
     assert client.post("/v1/tables/robustness", json={"peaks": 1}).status_code == 422
