@@ -162,7 +162,7 @@ class ControllerChoice(RequestModel):
         | None
     ) = Field(
         default=None,
-        description="Units, from 0, of each group, each unit once; for the arrangement grouped, "
+        description="Loops, from 0, of each group, each loop once; for the arrangement grouped, "
         "instead of group_sizes.",
         examples=[None, [[0, 2], [1, 3]]],
         json_schema_extra={"x-unit": "1"},
