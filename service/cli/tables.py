@@ -1,4 +1,4 @@
-"""Results as tables for people: settings in three forms, peaks, search, what different settings gain."""
+"""Results as tables for people: settings, peaks, search, what different settings gain."""
 
 from __future__ import annotations
 

@@ -53,7 +53,8 @@ def default_scales(
 ) -> tuple[float, ...] | None:
     """Return the spans of n outputs as their permitted errors, where that has a meaning.
 
-    Inputs whose errors depend on each other are compared in their own units, which outputs do not tell.
+    Inputs whose errors depend on each other are compared in their own units, which outputs do not
+    tell.
     """
     spans = request.output_spans(n)
     return None if uncertainty.structure is Structure.FULL else spans

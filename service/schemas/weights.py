@@ -26,7 +26,8 @@ __all__ = [
 StructureName = Annotated[
     Literal["diagonal", "full"],
     Field(
-        description="diagonal: the actuators err independently; full: their errors may depend on each other.",
+        description="diagonal: the actuators err independently; full: their errors may depend on "
+        "each other.",
         examples=["diagonal"],
     ),
 ]

@@ -74,7 +74,7 @@ def require_fit(plant: Plant, uncertainty: Uncertainty, performance: Performance
         raise InvalidInputError(message, where)
     if performance.unlike_outputs and uncertainty.structure is Structure.FULL:
         message = (
-            "unlike permitted errors need diagonal uncertainty: inputs whose errors depend on each other are "
-            "compared in units of their own"
+            "unlike permitted errors need diagonal uncertainty: inputs whose errors depend on each "
+            "other are compared in units of their own"
         )
         raise InvalidInputError(message, where)

@@ -144,7 +144,7 @@ def test_like_or_unknown_spans_change_nothing(instruments: Any) -> None:
 
 
 def test_full_uncertainty_knows_no_spans() -> None:
-    """Inputs whose errors depend on each other are compared in their own units: spans are no default there."""
+    """Inputs whose errors depend on each other are compared in their own units: no spans there."""
     request = {
         **TUNING, "instruments": [{"output_span": 1}, {"output_span": 100}],
         "uncertainty": {"epsilon": 0.2, "theta": 1, "structure": "full"},

@@ -107,7 +107,7 @@ def test_a_hundred_units_are_tuned_and_said_to_be_unproven() -> None:
 
 
 def test_settings_that_do_not_repeat_are_for_short_rings() -> None:
-    """Two halves of a hundred units, and errors that depend on each other, would be a hundred D-scales at once."""
+    """Two halves of a hundred units, or dependent errors, would be a hundred D-scales at once."""
     ring = NeighbourPlant(100, PROCESS, (NEAR,))
     halves = (tuple(range(50)), tuple(range(50, 100)))
     task = Specification(ring, UNCERTAIN, Performance(), arrangement="grouped", groups=halves)  # type: ignore[arg-type]
