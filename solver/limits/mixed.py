@@ -23,12 +23,12 @@ from solver.model.measured import MeasuredPlant
 from solver.model.plants import MatrixPlant
 from solver.model.transfer_function import TransferFunction
 from solver.robustness.centralised_curves import central_blocks
+from solver.tuning import tuner
 from solver.tuning.clock import Clock, OutOfTimeError
 from solver.tuning.demands import NO_DEMANDS
 from solver.tuning.groupings import named_partition
 from solver.tuning.record import SearchSummary, Status, Tuning
 from solver.tuning.specification import Arrangement, Bounds, ControllerKind, Signs
-from solver.tuning.tuner import tune
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -69,7 +69,7 @@ def tune_task(
     Parameters, errors: as for `solver.tuning.tuner.tune`.
     """
     if specification.mixing is None or specification.mixing.inputs is None:
-        return tune(specification, progress)
+        return tuner.tune(specification, progress)
     return _tune(specification, progress)
 
 

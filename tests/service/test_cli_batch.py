@@ -254,7 +254,9 @@ def test_equal_requests_far_apart_are_computed_once(tmp_path: Path) -> None:
     output = tmp_path / "results.ndjson"
     seen: list[str] = []
 
-    async def run(_engine: Engine, request: str, _limit: float, _progress: object) -> Outcome:
+    async def run(
+        _engine: Engine, _of: str, request: str, _limit: float, _progress: object
+    ) -> Outcome:
         seen.append(request)
         return Outcome(JobStatus.SUCCEEDED, result='{"status": "optimal"}')
 

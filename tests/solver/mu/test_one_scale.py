@@ -19,7 +19,7 @@ def levels(plant, k, tau_I, *, all_free):
     blocks = reduce(plant, (tuple(range(plant.n)),))
     c = (k * (1 + 1 / (1j * OMEGA * tau_I)))[:, None]
     b = Performance(tau_p=30).magnitude(OMEGA) ** 2 if all_free else np.ones_like(OMEGA)
-    u = UNCERTAINTY.squared(OMEGA, blocks.units)
+    u = blocks.squared(UNCERTAINTY, OMEGA)
     y = np.zeros((OMEGA.size, blocks.n_scales))
     G = blocks.packed(OMEGA)
     t, slope, _ = sweep(G, c, u, b, blocks.layout, all_free=all_free, nu=FINE, cold=True, y=y)

@@ -72,7 +72,7 @@ def loops(draw):
         for _ in range(2)
     ]
     c = np.stack([controller.response(OMEGA) for controller in controllers], axis=1)
-    return blocks, c, u.squared(OMEGA, blocks.units)
+    return blocks, c, blocks.squared(u, OMEGA)
 
 
 @settings(max_examples=100, deadline=None)
@@ -115,7 +115,8 @@ def test_any_number_of_frequencies(count):
     )
     omega = np.geomspace(1e-3, 1, count)
     c = np.stack([controller.response(omega) for controller in controllers], axis=1)
-    G, u = blocks.packed(omega), Uncertainty.from_error(0.2, 1).squared(omega, blocks.units)
+    G = blocks.packed(omega)
+    u = blocks.squared(Uncertainty.from_error(0.2, 1), omega)
     b = np.ones(count)
     y, alone = np.zeros((count, 2)), np.zeros((count, 2))
     t, slope, _ = sweep(G, c, u, b, blocks.layout, all_free=False, nu=FINE, cold=True, y=y)
@@ -135,7 +136,7 @@ def test_level_is_the_norm_at_its_scales():
     blocks, controllers = group_loops(first_order(2, 1, 100, 0.9), loops)
     uncertainty, performance = Uncertainty.from_error(0.2, 1), Performance(tau_p=25)
     c = np.stack([controller.response(OMEGA) for controller in controllers], axis=1)
-    u, b = uncertainty.squared(OMEGA, blocks.units), performance.magnitude(OMEGA) ** 2
+    u, b = blocks.squared(uncertainty, OMEGA), performance.magnitude(OMEGA) ** 2
     y = np.zeros((OMEGA.size, 2))
     G = blocks.packed(OMEGA)
     t, _, _ = sweep(G, c, u, b, blocks.layout, all_free=True, nu=FINE, cold=True, y=y)
@@ -163,6 +164,6 @@ def test_most_frequencies_need_no_help():
         first_order(2, 1, 100, 0.949), [Controller(47, 100), Controller(19, 2.4)]
     )
     c = np.stack([controller.response(OMEGA) for controller in controllers], axis=1)
-    u = Uncertainty.from_error(0.2, 1).squared(OMEGA, blocks.units)
+    u = blocks.squared(Uncertainty.from_error(0.2, 1), OMEGA)
     done = solved_side_by_side(blocks.packed(OMEGA), c, u, blocks.layout)
     assert done.mean() > 0.8

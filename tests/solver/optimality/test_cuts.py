@@ -64,7 +64,7 @@ def cut_at(objective, theta):
     G, u = blocks.packed(omega), objective.uncertainty.magnitude(omega) ** 2
     demanded = np.exp(np.clip(objective.levels(theta, omega), -10, 20))
     y = np.zeros((omega.size, blocks.n_scales))
-    rows = objective.uncertainty.squared(omega, blocks.units)
+    rows = blocks.squared(objective.uncertainty, omega)
     sweep(G, c, rows, demanded, blocks.layout, all_free=True, nu=NU, cold=True, y=y)
     return cuts(c, G, u, demanded, blocks.layout, np.exp(y)), c, G
 
