@@ -91,7 +91,7 @@ def test_a_resonance_between_the_points_of_a_grid_is_caught() -> None:
     certified(Claim(*task, 1.002 * true_peak))
 
 
-@settings(max_examples=500, deadline=None, suppress_health_check=[HealthCheck.filter_too_much])
+@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.filter_too_much])
 @given(loops_to_certify())
 def test_the_level_is_never_below_the_peak_and_within_one_per_cent_of_it(task: Loops) -> None:
     """Random stable loops: certified at 1.005 times the dense peak, and with scales that hold."""
