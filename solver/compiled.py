@@ -4,12 +4,19 @@ It is kept in the first place that can be written, and read from every place tha
 `NUMBA_CACHE_DIR` points, beside the modules, in the user's cache. So code compiled when mutune was
 installed serves processes that may not write there, or anywhere. Where nothing can be written, what
 is not there yet is compiled by each process anew.
+
+Functions and constants of other modules are compiled into it, so it is good as long as none of the
+modules has changed from which it may have any.
 """
 
 from __future__ import annotations
 
+import functools
+import hashlib
 import logging
+import re
 import threading
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from numba import config, njit
@@ -21,6 +28,9 @@ if TYPE_CHECKING:
 __all__ = ["compiled"]
 
 logger = logging.getLogger(__name__)
+
+_COMPILES = re.compile(r"^@(?:compiled|inner)\b|^(?:compiled|inner) = ", re.MULTILINE)
+_TAKES_FROM = re.compile(r"^from solver\.([\w.]+) import", re.MULTILINE)
 
 _Function = Any  # numba has no types
 
@@ -99,6 +109,23 @@ class _Places(caching._Cache):  # type: ignore[misc]  # noqa: SLF001 - numba has
                 continue
 
 
+@functools.cache
+def _sources() -> str:
+    """Return a digest of the modules that compile functions and of those that they import from."""
+    root = Path(__file__).parent
+    texts = {path: path.read_text(encoding="utf-8") for path in root.rglob("*.py")}
+    compiling = {path for path, text in texts.items() if _COMPILES.search(text)}
+    taken = {
+        root.joinpath(*name.split(".")).with_suffix(".py")
+        for path in compiling
+        for name in _TAKES_FROM.findall(texts[path])
+    }
+    digest = hashlib.sha256()
+    for path in sorted((compiling | taken) & texts.keys()):
+        digest.update(f"{path.relative_to(root)}\n{texts[path]}\n".encode())
+    return digest.hexdigest()
+
+
 def _cache(function: _Function, locator: type) -> caching.FunctionCache | None:
     """Return the cache of a function in the place that a locator names."""
     before = config.CACHE_LOCATOR_CLASSES
@@ -112,12 +139,16 @@ def _cache(function: _Function, locator: type) -> caching.FunctionCache | None:
 
 
 class _Readable:
-    """A place that may not be writable: only keeping something there needs that."""
+    """A place that may not be writable, of code that depends on more than one file."""
 
     @classmethod
     def from_function(cls, py_func: _Function, py_file: str) -> _Readable | None:
         """Return the place for a function."""
         return cls(py_func, py_file)  # type: ignore[call-arg]  # of the locator mixed in
+
+    def get_source_stamp(self) -> str:
+        """Return what must be as it was: numba itself looks at the function's own file alone."""
+        return _sources()
 
 
 class _Provided(_Readable, caching.UserProvidedCacheLocator):  # type: ignore[misc]  # no types

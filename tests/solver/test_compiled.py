@@ -1,4 +1,4 @@
-"""Where compiled code is kept: processes that may write nowhere use what was compiled before."""
+"""Where compiled code is kept, and how long: processes that may write nowhere use what is there."""
 
 from __future__ import annotations
 
@@ -19,13 +19,9 @@ import logging
 import sys
 
 from compiled import compiled
+from halving import half
 
 logging.basicConfig(format="LOG %(message)s", stream=sys.stdout)
-
-
-@compiled(error_model="numpy")
-def half(x):
-    return x / 2
 
 
 @compiled()
@@ -39,6 +35,15 @@ if __name__ == "__main__":
     print(kernel.twice(3.0), sum(kernel.twice.stats.cache_hits.values()))
 """
 
+HALVING = """
+from compiled import compiled
+
+
+@compiled(error_model="numpy")
+def half(x):
+    return x / 2
+"""
+
 
 @pytest.fixture
 def folder() -> Iterator[Path]:
@@ -46,6 +51,7 @@ def folder() -> Iterator[Path]:
     found = Path(tempfile.mkdtemp(prefix="mutune-compiled-"))
     shutil.copy(solver.compiled.__file__, found / "compiled.py")
     (found / "kernel.py").write_text(KERNEL)
+    (found / "halving.py").write_text(HALVING)
     found.chmod(0o755)
     yield found
     for place in (found, found / "__pycache__"):
@@ -112,3 +118,10 @@ def test_what_cannot_be_kept_beside_the_modules_is_kept_elsewhere(
         assert run(folder, may_write=False, **environment) == ["6.0 1"]
     finally:
         shutil.rmtree(kept)
+
+
+def test_code_into_which_another_module_is_compiled_changes_with_it(folder: Path) -> None:
+    """Its own file is the same; what was kept would give the old result."""
+    assert [run(folder, may_write=True) for _ in range(2)] == [["6.0 0"], ["6.0 1"]]
+    (folder / "halving.py").write_text(HALVING.replace("x / 2", "x / 3"))
+    assert [run(folder, may_write=True) for _ in range(2)] == [["4.0 0"], ["4.0 1"]]
