@@ -84,7 +84,7 @@ class MeasuredPlant(Plant, ByValue):
             raise InvalidInputError(message, f"/omega/{index}")
         try:
             values = np.array(self.values, dtype=complex)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             message = "the values must be complex numbers, (frequencies, outputs, inputs)"
             raise InvalidInputError(message, "/elements") from None
         n = values.shape[-1] if values.ndim == 3 else 0

@@ -58,7 +58,7 @@ def test_unit_that_limits_is_the_slow_one() -> None:
         [TransferFunction([0.01], [10, 1]), TransferFunction([1], [10, 1], 8)],
     ]
     (sentence,) = said(replace(TASK, plant=MatrixPlant(rows)), "is limited by")
-    assert "unit 2" in sentence
+    assert "loop 2" in sentence
 
 
 def test_no_unit_is_named_where_all_are_alike() -> None:
