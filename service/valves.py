@@ -188,6 +188,4 @@ def _jump(loop: Controller) -> float:
 
 def _through(element: TransferFunction) -> float:
     """Return what an element passes on at once."""
-    if element.is_zero or element.relative_degree or element.dead_time:
-        return 0.0
-    return element.num[0] / element.den[0]
+    return 0.0 if element.dead_time else element.feedthrough

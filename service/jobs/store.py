@@ -358,7 +358,8 @@ def _digest(text: str) -> str:
 def _new_row(
     owner: str, job: NewJob, priority: Priority, batch_id: object = None
 ) -> dict[str, Any]:
-    of_tunings = job.resource == TUNINGS
+    # Tunings came first: only jobs of other resources are told apart from them by name.
+    kind = "" if job.resource == TUNINGS else f"{job.resource} "
     return {
         "id": uuid.uuid4().hex,
         "owner": owner,
@@ -371,9 +372,8 @@ def _new_row(
         "fraction": 0.0,
         "created_at": time.time(),
         "batch_id": batch_id,
-        # Tunings have a digest from before there were other resources.
-        "digest": _digest(job.request if of_tunings else f"{job.resource} {job.request}"),
-        "computation": None if job.computation is None else _digest(job.computation),
+        "digest": _digest(kind + job.request),
+        "computation": None if job.computation is None else _digest(kind + job.computation),
         "time_limit": job.time_limit,
         "request": job.request,
         "started_at": None,

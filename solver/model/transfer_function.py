@@ -113,6 +113,11 @@ class TransferFunction:
         """Degree of the denominator minus that of the numerator."""
         return len(self.den) - len(self.num)
 
+    @property
+    def feedthrough(self) -> float:
+        """What passes at once, or after the dead time: the rational part at s -> infinity."""
+        return 0.0 if self.relative_degree or self.is_zero else self.num[0] / self.den[0]
+
     @cached_property
     def poles(self) -> NDArray[np.complex128]:
         """Roots of the denominator, (order,) complex, read-only."""

@@ -226,8 +226,7 @@ def _feedthrough(blocks: LoopBlocks, index: int) -> tuple[NDArray[np.float64], N
     """Return what one block passes on at once, and after a dead time, (m, m) each."""
 
     def part(element: TransferFunction, *, delayed: bool) -> float:
-        passes = not (element.relative_degree or element.is_zero)
-        return element.num[0] / element.den[0] * (passes and delayed == (element.dead_time > 0))
+        return element.feedthrough if delayed == (element.dead_time > 0) else 0.0
 
     at_once, delayed = (
         np.array(
@@ -244,12 +243,7 @@ def _feedthrough(blocks: LoopBlocks, index: int) -> tuple[NDArray[np.float64], N
 def _high_frequency_gain(controller: StateSpace | MatrixPlant) -> NDArray[np.float64]:
     if isinstance(controller, StateSpace):
         return controller.D
-    return np.array(
-        [
-            [0.0 if e.relative_degree or e.is_zero else e.num[0] / e.den[0] for e in row]
-            for row in controller.elements_by_row
-        ]
-    )
+    return np.array([[e.feedthrough for e in row] for row in controller.elements_by_row])
 
 
 def _light(poles: NDArray[np.complex128]) -> NDArray[np.float64]:

@@ -404,7 +404,7 @@ class FullLoop:
 
 def _direct(elements: list[TransferFunction]) -> list[TransferFunction]:
     """Return those that feed through."""
-    return [element for element in elements if not (element.is_zero or element.relative_degree)]
+    return [element for element in elements if element.feedthrough]
 
 
 def _element(

@@ -48,7 +48,7 @@ def any_phase(plant: Plant) -> list[float]:
     found = {
         element.dead_time
         for element in plant.elements
-        if element.dead_time > 0 and not element.is_zero and element.relative_degree == 0
+        if element.dead_time > 0 and element.feedthrough
     }
     return sorted(found)
 

@@ -55,7 +55,7 @@ def neutral_gain(
         Parallel plant: units that each runs. Matrix plant: a factor on each loop's gain.
 
     """
-    times = {e.dead_time for e in plant.elements if _feedthrough(e)}
+    times = {e.dead_time for e in plant.elements if e.feedthrough}
     means, differences = direct_gain(plant, controllers, counts)
     lost = np.linalg.det(np.eye(means.shape[1]) + means) == 0
     lost = lost | ((counts > 1) & (1 + differences == 0)).any(axis=1)
@@ -141,12 +141,8 @@ def _spectral_radius(matrices: NDArray[np.inexact]) -> NDArray[np.float64]:
     return np.asarray(np.abs(np.linalg.eigvals(matrices)).max(axis=-1))
 
 
-def _feedthrough(element: TransferFunction) -> float:
-    return 0.0 if element.relative_degree or element.is_zero else element.num[0] / element.den[0]
-
-
 def _at(element: TransferFunction, dead_time: float) -> float:
-    return _feedthrough(element) if element.dead_time == dead_time else 0.0
+    return element.feedthrough if element.dead_time == dead_time else 0.0
 
 
 def _high_frequency_gain(controller: Controller) -> float:

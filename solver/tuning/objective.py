@@ -162,10 +162,7 @@ class LoopObjective:
     @cached_property
     def _restless(self) -> bool:
         """Whether the loop gain need not settle before infinity: something is fed through."""
-        return any(
-            element.relative_degree == 0 and not element.is_zero
-            for element in self.blocks.plant.elements
-        )
+        return any(element.feedthrough for element in self.blocks.plant.elements)
 
     @cached_property
     def _grid(self) -> _Samples:

@@ -594,7 +594,7 @@ def _far(plant: Plant, end: float) -> NDArray[np.float64]:
     With dead time it has any phase there: then they spread over one turn of the shortest dead time
     that feeds through.
     """
-    through = [each for each in plant.elements if each.relative_degree == 0 and not each.is_zero]
+    through = [element for element in plant.elements if element.feedthrough]
     if not through:
         return np.empty(0)
     dead_times = [element.dead_time for element in through if element.dead_time > 0]

@@ -22,10 +22,7 @@ from service.http.routes.common import (
     described,
     problems,
 )
-from service.jobs.engine import VERSION
 from service.jobs.pool import to_json
-from service.jobs.records import NewJob
-from service.schemas import canonical, computation
 from service.wording import TIME_UNIT
 
 __all__ = ["add_figures", "router"]
@@ -76,15 +73,7 @@ def _add_job(analysis: Analysis[Any, Any], work: LongWork[Any]) -> None:
         body = await bodies.read(request, analysis.request)
         longest = request.app.state.configuration.max_time_limit
         _refuse_beyond(request, analysis, await asyncio.to_thread(body.build), longest)
-        new = NewJob(
-            canonical(body),
-            longest,
-            # Another version may find other digits.
-            computation=f"{VERSION} {resource} {computation(body)}",
-            reuse=jobs.may_reuse(request),
-            identity=body.identity(),
-            resource=resource,
-        )
+        new = jobs.new_job(body, longest, reuse=jobs.may_reuse(request), resource=resource)
         return await jobs.accept(
             request, new, idempotency_key=idempotency_key, prefer=prefer, callback_url=callback_url
         )

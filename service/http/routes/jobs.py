@@ -16,10 +16,13 @@ from pydantic import BaseModel
 from service.http.access import owner
 from service.http.notices import is_allowed
 from service.http.routes.common import BODY_PROBLEMS, described, json_response, problems
+from service.jobs.engine import VERSION
 from service.jobs.records import FINAL, TUNINGS, Ended, Job, NewJob
 from service.jobs.store import IdempotencyConflictError, QueueFullError, Store, UnfinishedError
 from service.jobs.watch import Watcher
 from service.problems import ConflictError, NotFoundError, ParameterError, RateError
+from service.schemas import canonical, computation
+from service.schemas.fields import RecordedRequest
 from service.schemas.jobs import job_to_json, progress_to_json
 from service.schemas.parsing import Fault
 
@@ -40,6 +43,7 @@ __all__ = [
     "look",
     "looked_at",
     "may_reuse",
+    "new_job",
     "started",
     "stopped",
     "store_of",
@@ -169,6 +173,21 @@ def _after(job: Job, ended: Ended) -> Job:
         started_at=ended.claim.started_at,
         finished_at=ended.finished_at,
         result=ended.outcome.result,
+    )
+
+
+def new_job(
+    body: RecordedRequest, seconds: float, *, reuse: bool, resource: str = TUNINGS
+) -> NewJob:
+    """Return the job that a request asks for, of at most so many seconds."""
+    return NewJob(
+        canonical(body),
+        seconds,
+        # Another version may find other digits.
+        computation=f"{VERSION} {computation(body)}",
+        reuse=reuse,
+        identity=body.identity(),
+        resource=resource,
     )
 
 

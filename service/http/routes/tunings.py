@@ -13,9 +13,8 @@ from service.http import bodies
 from service.http.access import owner
 from service.http.routes import jobs
 from service.http.routes.common import described, json_response, problems
-from service.jobs.engine import VERSION
 from service.jobs.records import TUNINGS, JobStatus, NewJob
-from service.schemas import TuningRequest, canonical, computation
+from service.schemas import TuningRequest
 from service.schemas.jobs import Job, JobList, summary_to_dict
 from solver.model.errors import InvalidInputError
 
@@ -63,14 +62,7 @@ def new_job(body: TuningRequest, longest: float, *, reuse: bool = True) -> NewJo
     if body.search.time_limit > longest:
         message = f"this service computes for at most {longest:g} s"
         raise InvalidInputError(message, "/search/time_limit")
-    return NewJob(
-        canonical(body),
-        body.search.time_limit,
-        # Another version may find other digits.
-        computation=f"{VERSION} {computation(body)}",
-        reuse=reuse,
-        identity=body.identity(),
-    )
+    return jobs.new_job(body, body.search.time_limit, reuse=reuse)
 
 
 @router.get(
