@@ -12,7 +12,7 @@ from solver.limits.realisation import reducible
 from solver.limits.record import Limit, LimitStatus, Realised
 from solver.limits.search import LimitSearch, least_tau_p
 from solver.model.errors import InvalidInputError
-from solver.model.given import require_fit
+from solver.model.given import require_alike, require_fit
 from solver.model.mode_controller import ModeController
 from solver.model.open_loop import require_supported
 from solver.model.plants import Plant
@@ -108,15 +108,7 @@ def require_covered(plant: Plant, uncertainty: Uncertainty, performance: Perform
     if not plant.interchangeable and plant.n > MAX_LIMIT_SIZE:
         message = f"the limit is found for matrix plants up to {MAX_LIMIT_SIZE} units"
         raise InvalidInputError(message, "/plant")
-    if performance.unlike_outputs:
-        message = "the limit is found for outputs of one scale: divide the plant's rows by theirs"
-        raise InvalidInputError(message, "/performance/output_scale")
-    if uncertainty.unlike_inputs:
-        message = "the limit is found for inputs of one uncertainty"
-        raise InvalidInputError(message, "/uncertainty")
-    if uncertainty.outputs is not None:
-        message = "the limit is found for errors of the inputs alone"
-        raise InvalidInputError(message, "/uncertainty/outputs")
+    require_alike(uncertainty, performance, "the limit is found for")
 
 
 def _realised(search: LimitSearch, best: Found) -> Realised | None:

@@ -13,7 +13,7 @@ from solver.model.weights import Performance, Structure, Uncertainty
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-__all__ = ["require_fit", "require_loops", "require_weights"]
+__all__ = ["require_alike", "require_fit", "require_loops", "require_weights"]
 
 
 def require_loops(plant: Plant, loops: Sequence[Controller]) -> tuple[Controller, ...]:
@@ -78,3 +78,30 @@ def require_fit(plant: Plant, uncertainty: Uncertainty, performance: Performance
             "other are compared in units of their own"
         )
         raise InvalidInputError(message, where)
+
+
+def require_alike(uncertainty: Uncertainty, performance: Performance, made: str) -> None:
+    """Refuse what only loops of one channel each can have: scales and errors of their own.
+
+    Parameters
+    ----------
+    uncertainty, performance : Uncertainty, Performance
+        The weights.
+    made : str
+        What messages begin with, as "the limit is found for".
+
+    Raises
+    ------
+    InvalidInputError
+        So it is.
+
+    """
+    if performance.unlike_outputs:
+        message = f"{made} outputs of one scale: divide the plant's rows by theirs"
+        raise InvalidInputError(message, "/performance/output_scale")
+    if uncertainty.unlike_inputs:
+        message = f"{made} inputs of one uncertainty"
+        raise InvalidInputError(message, "/uncertainty")
+    if uncertainty.outputs is not None:
+        message = f"{made} errors of the inputs alone"
+        raise InvalidInputError(message, "/uncertainty/outputs")

@@ -15,7 +15,7 @@ import numpy as np
 
 from solver.model.errors import InvalidInputError
 from solver.model.frequencies import corners, resonances
-from solver.model.given import require_weights
+from solver.model.given import require_alike, require_weights
 from solver.model.mode_controller import ModeController
 from solver.model.open_loop import require_supported
 from solver.model.plants import MatrixPlant, Plant
@@ -100,15 +100,7 @@ def analyse_centralised(
     """
     instance(plant, Plant, "/plant")
     require_weights(plant, uncertainty, performance)
-    if performance.unlike_outputs:
-        message = "full controllers need outputs of one scale: divide the plant's rows by theirs"
-        raise InvalidInputError(message, "/performance/output_scale")
-    if uncertainty.unlike_inputs:
-        message = "full controllers need inputs of one uncertainty"
-        raise InvalidInputError(message, "/uncertainty")
-    if uncertainty.outputs is not None:
-        message = "full controllers are analysed with errors of the inputs alone"
-        raise InvalidInputError(message, "/uncertainty/outputs")
+    require_alike(uncertainty, performance, "full controllers are analysed with")
     instance(controller, FullController, "/controller")
     require_supported(plant)
     blocks, controllers = _paired(plant, uncertainty, controller)
