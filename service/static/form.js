@@ -5,6 +5,7 @@ import { h, help } from "./dom.js";
 import { choice, input, newId } from "./fields.js";
 import { grid } from "./matrix.js";
 import { plain } from "./format.js";
+import { onceReleased } from "./press.js";
 import { faults, resolve } from "./schema.js";
 
 /** @typedef {{node: HTMLElement, error: HTMLElement, controls: HTMLElement[]}} Slot */
@@ -29,7 +30,7 @@ export class Form {
     });
     this.node.addEventListener("focusout", (event) => {
       this.touched.add(pointerOf(event));
-      this.update();
+      onceReleased(() => this.update());
     });
   }
 

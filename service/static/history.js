@@ -3,6 +3,7 @@
 import { FINAL, pause, Problem, request } from "./api.js";
 import { button, h, lead, put, table } from "./dom.js";
 import { clock, number } from "./format.js";
+import { onceReleased } from "./press.js";
 import { unitOfJob } from "./units.js";
 import { chipOf } from "./chip.js";
 import { rename, summaryOf } from "./summary.js";
@@ -100,14 +101,14 @@ export async function historyView({ main, signal, keep }) {
     await load();
     show();
   };
-  const show = () => {
+  const show = () => onceReleased(() => {
     const rows = found().map((job) => [...line(job), choice(job), actionsOf(job, changed)]);
     const none = jobs.length ? h("p", {}, "None of these has such words. Earlier ones may.")
       : h("p", {}, "No tuning yet. ", h("a", { href: "#/" }, "Start the first one."));
     put(place, rows.length ? table("Newest first", ["Plant", "Status", "Best", "Started", "Compare", "Change"], rows)
       : none);
     more.hidden = !next;
-  };
+  });
   const load = async () => {
     const loaded = [];
     next = "/v1/tunings?limit=20";

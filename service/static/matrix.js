@@ -4,6 +4,7 @@ import { h, put } from "./dom.js";
 import { key, newId, segments } from "./fields.js";
 import { label } from "./format.js";
 import { matrixTable, numbersOf } from "./matrix_table.js";
+import { onceReleased } from "./press.js";
 import { initial, resolve } from "./schema.js";
 
 const WAYS = ["Tables of K, τ and θ", "Transfer functions"];
@@ -37,7 +38,8 @@ export function grid(form, s, value, pointer) {
     places.dataset.columns = String(n);
     put(cells, places);
   };
-  for (const control of [size, ways]) control.addEventListener("change", () => (show(read()), form.update()));
+  const anew = () => onceReleased(() => (show(read()), form.update()));
+  for (const control of [size, ways]) control.addEventListener("change", anew);
   show(value ?? []);
   const node = h("fieldset", { class: "part" }, h("legend", {}, label(key(pointer))),
     h("div", { class: "field size" }, h("label", { for: id }, "Size"), size), simple && ways);

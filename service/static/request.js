@@ -66,8 +66,12 @@ export async function requestView({ main, signal, go }, path, from) {
   let plate;
   const named = () => (timeUnit() === "time units" ? {} : { time_unit: timeUnit() });
   const read = () => ({ ...form.read(), ...plate.read(), ...named() });
+  let drawn = "";
   const changed = () => {
     const typed = read();
+    const text = JSON.stringify([typed, timeUnit()]);
+    if (text === drawn) return;
+    drawn = text;
     sessionStorage.setItem(draft, JSON.stringify(typed));
     put(formulas, typed.plant && picture(typed.plant), typed.plant && plantFormula(typed.plant),
       farApart(typed));

@@ -4,6 +4,7 @@ import { Problem, request } from "./api.js";
 import { card, h, help, put, table } from "./dom.js";
 import { drawFigures, inUnit, waiting } from "./figures.js";
 import { number, plain, timeUnit } from "./format.js";
+import { onceReleased } from "./press.js";
 
 const SETTINGS = /** @type {Record<string, string>} */ ({
   found: "proposed", identical: "identical", "as found": "as found" });
@@ -18,6 +19,7 @@ export function sheet(job, name) {
   const show = async () => {
     try {
       const { behaviour, risks, figures: drawn } = await request("GET", inUnit(`/v1/tunings/${job.id}/sheet`));
+      await new Promise((done) => onceReleased(() => done(null)));
       put(list, risks.map(({ level, text }) =>
         h("li", { class: level }, h("strong", {}, LEVELS[level]), h("span", {}, plain(text)))));
       put(measures, behaviour.length > 0 && measured(behaviour));

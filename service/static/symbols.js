@@ -64,7 +64,7 @@ function elementwise(elements) {
  * Draw smaller what would be cut, or else in another way.
  * @param {HTMLElement} view @param {(() => Element[]) | null} otherwise
  */
-const fit = (view, otherwise) => requestAnimationFrame(() => {
+const fit = (view, otherwise) => queueMicrotask(() => { // before it is painted: nothing jumps
   const isCut = () => view.scrollWidth > view.clientWidth;
   for (let size = 1.15; size > 0.85 && isCut(); size -= 0.05) view.style.fontSize = `${size}rem`;
   if (isCut() && otherwise) put(view, ...otherwise());

@@ -280,6 +280,34 @@ def test_wood_and_berry_is_pasted_as_tables(watched: Watched) -> None:
     watched.inspect("wood-berry-result")
 
 
+def test_a_button_stays_where_it_is_pressed(watched: Watched) -> None:
+    """What leaving a field changes waits until the button is let go, and comes before its work."""
+    page = watched.page
+    watched.go("#/")
+    page.get_by_label("Matrix").check()
+    for name, text in zip(("Gain K", "Time constant τ", "Dead time θ"), WOOD_BERRY, strict=True):
+        paste(page, f"{name}, output 1, input 1", text)
+    button = page.get_by_role("button", name="Start tuning")
+    field(page, "/uncertainty/theta").fill("none")
+    field(page, "/uncertainty/epsilon").fill("none")
+    pressed_and_let_go(page, button)
+    expect(page.get_by_text("2 fields need attention.")).to_be_visible()
+    page.get_by_label("Size", exact=True).fill("3")
+    pressed_and_let_go(page, button)
+    expect(page.get_by_label("Gain K, output 3, input 3")).to_be_visible()
+
+
+def pressed_and_let_go(page: Page, button: Locator) -> None:
+    """Click as slowly as on a busy machine, and check that the button has not moved meanwhile."""
+    button.scroll_into_view_if_needed()
+    before = button.bounding_box()
+    assert before is not None
+    page.mouse.move(before["x"] + before["width"] / 2, before["y"] + before["height"] / 2)
+    page.mouse.down()
+    assert button.bounding_box() == before
+    page.mouse.up()
+
+
 def test_all_three_tables_come_in_one_paste_and_the_table_grows(watched: Watched) -> None:
     """A block of three times the width holds K, tau and theta; three rows make three loops."""
     page = watched.page
