@@ -1,11 +1,13 @@
 """Tune beside known settings.
 
 Return the best settings near the given ones, at once and without a job: for demands that are moved
-little by little. What a whole search finds may be better.
+little by little. They keep the demand on the whole axis, but are the best on a grid of frequencies
+only, and what a whole search finds may be better.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from pydantic import ConfigDict, JsonValue
@@ -56,7 +58,7 @@ class RetuneRequest(TuningRequest, AnalysisRequest):
             with below("/search"):
                 message = "known settings are needed, one entry a loop"
                 raise InvalidInputError(message, "/start")
-        return super().build()
+        return replace(super().build(), rough=True)
 
 
 def compute(request: RetuneRequest) -> dict[str, Any]:

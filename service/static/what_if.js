@@ -48,7 +48,7 @@ export function whatIf({ request: asked, result }) {
       const quick = { ...body, search, certificate: "none", model_tolerance: false };
       const found = await request("POST", "/v1/retunings", { body: quick });
       if (found.loops.length) start = found.loops;
-      tell(found, "Beside the last settings; a whole search follows when you let go.");
+      tell(found, "Nearly the best beside the last settings; a whole search follows when you let go.");
     } catch (error) {
       refused(error);
     }

@@ -67,7 +67,9 @@ class ExactDescent:
     objective: Together
     phases: Phases
 
-    def descend(self, theta: NDArray[np.float64], beaten: float = math.inf) -> Candidate | None:
+    def descend(
+        self, theta: NDArray[np.float64], beaten: float = math.inf, *, tolerance: float = EXACT
+    ) -> Candidate | None:
         """Descend with the peaks followed, until the value is that of the whole axis.
 
         None where no settings near `theta` meet the demand between the grid's points too. Ends
@@ -77,6 +79,7 @@ class ExactDescent:
         omega = [part.omega for part in parts]
         seen = self.objective.evaluate(theta).parts
         peaks = [self._peaks_between(*both) for both in zip(parts, seen, strict=True)]
+        enough = max(tolerance, SETTLED)
         best: Candidate | None = None
         candidate: Candidate | None = None
         for _ in range(ROUNDS):
@@ -89,13 +92,13 @@ class ExactDescent:
             if math.isfinite(beaten):
                 here = self.phases.best(objective, here, TRIFLE)
             if not here.merit > beaten - TRIFLE:
-                here = self.phases.best(objective, here, EXACT)
+                here = self.phases.best(objective, here, tolerance)
             before, candidate = candidate, self.measure(here.theta, here.s)
             if best is None or candidate.value < best.value:
                 best = candidate
-            stuck = before is not None and abs(candidate.value - before.value) < SETTLED
+            stuck = before is not None and abs(candidate.value - before.value) < enough
             # Here is the least value for fewer frequencies than there are.
-            if stuck or candidate.excess <= SETTLED or here.merit > beaten - TRIFLE:
+            if stuck or candidate.excess <= enough or here.merit > beaten - TRIFLE:
                 break
             # Some peak was not followed, or is a kink, which no parabola meets: follow it from now
             # on, and hold it at its place too.

@@ -138,15 +138,9 @@ def report(
         comparison=_comparison(solutions, search, end, clock, instead=alike is not None),
         certificate=certificate,
         optimality=_optimality(specification, solutions, end, clock),
-        integrity=in_one_line(
-            specification.plant,
-            specification.uncertainty,
-            end.performance,
-            end.loops,
-            whole=(end.peaks, end.axes[0].guarantee),
-        ),
+        integrity=None if specification.rough else _integrity(specification, end),
         resolution=price,
-        settings_tolerance=tolerance(specification, search, end),
+        settings_tolerance=None if specification.rough else tolerance(specification, search, end),
         model_tolerance=_model_tolerance(specification, end),
         as_found=as_found(specification, end.performance),
         advice=advice(
@@ -154,6 +148,8 @@ def report(
         ),
         warnings=tuple(warnings),
     )
+    if specification.rough:
+        return result
     return replace(result, advice=(*result.advice, *plain_advice(specification, result)))
 
 
@@ -198,8 +194,9 @@ def _ended(
 ) -> tuple[Settled | None, bool]:
     """Return the settings that keep the level on the whole axis, and whether time cut it short."""
     assert chosen.candidate is not None  # noqa: S101 - for the type checker
+    searched_on = None if specification.rough else clock
     try:
-        return settled(specification, chosen.search, chosen.candidate, clock), False
+        return settled(specification, chosen.search, chosen.candidate, searched_on), False
     except OutOfTimeError:
         return settled(specification, chosen.search, chosen.candidate, None), True
 
@@ -221,6 +218,13 @@ def _better_alike(
     if found is None or (end is not None and found.candidate.value >= end.candidate.value):
         return None
     return one.search, found
+
+
+def _integrity(specification: Specification, end: Settled) -> str | None:
+    whole = (end.peaks, end.axes[0].guarantee)
+    return in_one_line(
+        specification.plant, specification.uncertainty, end.performance, end.loops, whole=whole
+    )
 
 
 def _model_tolerance(specification: Specification, end: Settled) -> tuple[ModelTolerance, ...]:

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Solution", "Solutions"]
 
+NEARLY = 3e-5  # of s: as close to the optimum as a rough search comes
 PASSED_ON = 6  # optima with fewer demands that one with more starts from
 STARTS_PER_PARAMETER = 3
 STARTS_BEFORE_HOPS = 2  # a parameter, where the search goes on from the best optimum
@@ -153,10 +154,22 @@ class Solutions:
         """Return the local optimum beside given settings, one a group."""
         search = self._search(freedom)
         self.clock.total = 1
-        search.descend(search.box.clip(self._theta_of(search, loops)))
-        search.hop()
+        theta = search.box.clip(self._theta_of(search, loops))
         self.clock.done += 1
+        if self.specification.rough:
+            return Solution(search, self._nearby(search, theta))
+        search.descend(theta)
+        search.hop()
         return Solution(search, self._best(search, []))
+
+    def _nearby(self, search: GroupingSearch, theta: NDArray[np.float64]) -> Candidate | None:
+        """Return settings that are nearly the best beside `theta`, with their exact value."""
+        found = search.exact.descend(theta, tolerance=NEARLY)
+        if found is None:  # too far from the demand: by way of its own phase
+            search.descend(theta)
+            starts = [optimum.theta for optimum in search.optima[:1]]
+            found = next((search.exact.descend(each, tolerance=NEARLY) for each in starts), None)
+        return None if found is None else self._stabilised(search, found)
 
     def _search(self, freedom: Freedom) -> GroupingSearch:
         search = GroupingSearch(self.specification, freedom, self.clock.tick)

@@ -183,6 +183,10 @@ class Specification:
         Whether the result tells how wrong each parameter of the plant may be.
     start : tuple of Controller or None
         One loop a unit: only the best settings beside these are sought.
+    rough : bool
+        Whether to end the search beside `start` where its grid of frequencies does. What the
+        settings reach is right on the whole axis as ever; they are not quite the best ones. Not
+        told: how far they may be moved, and what loops in manual mean.
     resolution : Resolution or None
         Numbers that the controllers accept: the best settings among them are returned.
     as_found : tuple of Controller or None
@@ -214,6 +218,7 @@ class Specification:
     model_tolerance: bool = False
     optimality_gap: bool = False
     start: tuple[Controller, ...] | None = None
+    rough: bool = False
     groups: tuple[tuple[int, ...], ...] | None = None
     pairing: tuple[int, ...] | Literal["best"] | None = None
     scan_time: float = 0.0
@@ -358,6 +363,7 @@ class Specification:
             certificate=flag(self.certificate, "/certificate"),
             model_tolerance=flag(self.model_tolerance, "/model_tolerance"),
             optimality_gap=flag(self.optimality_gap, "/search/optimality_gap"),
+            rough=flag(self.rough, "/search/rough"),
         )
         if self.group_sizes is not None:
             sizes = integers(self.group_sizes, "/controller/group_sizes")
