@@ -71,7 +71,7 @@ def bounds():
         N, structure = analysis.matrices(OMEGA)[0], BlockStructure(tuple(range(n)), n)
         peer, ours = slicot(N, n), analysis.robust_performance(OMEGA)
         c = np.stack([k.response(OMEGA) for k in analysis.controllers], axis=1)
-        G, u = analysis.blocks.packed(OMEGA), USUAL.squared(OMEGA, analysis.blocks.units)
+        G, u = analysis.blocks.packed(OMEGA), analysis.blocks.squared(USUAL, OMEGA)
         b = analysis.performance.magnitude(OMEGA) ** 2
         y = np.zeros((OMEGA.size, n))
 

@@ -81,7 +81,7 @@ def least_of(task, loops, omega):
     outputs = task.performance.output_scale
     blocks, controllers = group_loops(task.plant, loops, task.uncertainty, outputs)
     c = np.stack([each.response(omega) for each in controllers], axis=-1)
-    level = levels(blocks, c, task.uncertainty.squared(omega, blocks.units), omega)
+    level = levels(blocks, c, blocks.squared(task.uncertainty, omega), omega)
     return goal.attained(level, omega)
 
 

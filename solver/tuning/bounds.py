@@ -101,8 +101,8 @@ def search_region(specification: Specification, groups: Groups) -> Region:
             elif name == "filter_time":
                 usual = (0.1 * shortest, longest)
             bounds = getattr(specification.bounds, name)
-            # A filter that short is none: what it changes is lost in rounding.
-            below = BEYOND**2 if name == "filter_time" else BEYOND
+            # A filter or derivative that short is none: what it changes is lost in rounding.
+            below = BEYOND**2 if name in ("derivative_time", "filter_time") else BEYOND
             outer = bounds or (usual[0] / below, min(usual[1] * BEYOND, LARGEST))
             inner = (max(usual[0], outer[0]), min(usual[1], outer[1]))
             if not inner[0] < inner[1]:  # the user wants it elsewhere

@@ -281,7 +281,8 @@ def _optimality(
     from solver.optimality.bound import BranchAndBound  # noqa: PLC0415 - few tunings ask for it
 
     # The grouping that permits most; 'best' may have kept identical settings.
-    search = max(solutions.searches, key=lambda each: len(each.groups))
+    searches = [each for each in solutions.searches if each.freedom.kind is specification.kind]
+    search = max(searches, key=lambda each: len(each.groups))
     tau_p = end.performance.tau_p
     bound = BranchAndBound(search.problem, peaks=end.candidate.peaks[0], tau_p=tau_p)
     try:

@@ -116,7 +116,7 @@ class GroupingSearch:
     specification : Specification
         The task.
     freedom : Freedom
-        What may be chosen; the kind is the task's, or the one without its filter.
+        What may be chosen; the kind is the task's, or one contained in it.
     checkpoint : callable
         Called often with the value s so far; may raise to stop.
 
@@ -130,8 +130,8 @@ class GroupingSearch:
     ) -> None:
         self.freedom = freedom
         bounds = specification.bounds
-        if freedom.kind is not specification.kind:
-            bounds = replace(bounds, filter_time=None)
+        for name in set(specification.kind.parameters) - set(freedom.kind.parameters):
+            bounds = replace(bounds, **{name: None})
         specification = replace(specification, kind=freedom.kind, bounds=bounds)
         self.specification = specification
         self.groups = groups = freedom.groups
@@ -307,6 +307,11 @@ class GroupingSearch:
         w = len(found) - sum(b - a < FLAT for a, b in pairwise(values))
         N = sum(optimum.count for optimum in found)
         return w > 0 and w * (N - 1) < (w + 0.5) * (N - w - 2)
+
+    @property
+    def lowest(self) -> float:
+        """The least value so far; infinite before the first."""
+        return self.optima[0].value if self.optima else math.inf
 
     def confirmed(self, planned: int) -> bool:
         """Whether the best optimum was met so often that few of the `planned` starts are enough."""

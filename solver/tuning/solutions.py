@@ -43,6 +43,7 @@ STARTS_PER_PARAMETER = 3
 STARTS_BEFORE_HOPS = 2  # a parameter, where the search goes on from the best optimum
 STARTS_WITH_LEADS = 5  # as before, where fast and slow derivatives have optima far apart
 STARTS_OF_OTHER_SIGNS = 6  # times as many: most of them are unstable at any gain
+MATTERS = 10.0  # times the shortest time of the starts
 FARTHER = 1e3  # corners of the loop over which the grid is extended where it missed an instability
 EXTENSIONS = 3
 
@@ -91,8 +92,7 @@ class Solutions:
             self._planned.add(freedom)
             self.clock.total += self._starts(freedom)
             self.plan(tied for tied, _ in self._tied(freedom))
-            if freedom.kind.without_filter is not freedom.kind:
-                self.plan([replace(freedom, kind=freedom.kind.without_filter)])
+            self.plan(replace(freedom, kind=kind) for kind in freedom.kind.contained)
 
     def _starts(self, freedom: Freedom) -> int:
         """Most starts of a search: the more parameters, the more optima."""
@@ -139,13 +139,13 @@ class Solutions:
                         best = exact
         return Solution(search, best)
 
-    def kept_with_filter(self, plain: GroupingSearch) -> Solution:
-        """Return what was kept of a search with tied filters as settings of the task's kind."""
-        solution = self.kept(plain)
-        search = self._search(replace(plain.freedom, kind=self.specification.kind))
+    def kept_of_less(self, lesser: GroupingSearch) -> Solution:
+        """Return what was kept of a search of a lesser kind as settings of the task's kind."""
+        solution = self.kept(lesser)
+        search = self._search(replace(lesser.freedom, kind=self.specification.kind))
         if solution.candidate is None:
             return Solution(search, None)
-        theta = search.box.clip(self._with_filters(solution)[0])
+        theta = search.box.clip(self._as_kind(solution.candidate.theta, lesser, search)[0])
         candidate = search.exact.measure(theta, solution.candidate.value)
         kept = math.isfinite(candidate.value) and search.accepts(candidate.theta)
         return Solution(search, candidate if kept else None)
@@ -178,8 +178,8 @@ class Solutions:
 
     def _solved(self, freedom: Freedom, *, wanted: bool) -> Solution:
         self.plan([freedom])
-        inherited = self._inherited(freedom)
         search = self._search(freedom)
+        inherited = self._inherited(search)
         before = self.clock.best
         if not wanted:
             self.clock.best = math.inf
@@ -202,17 +202,17 @@ class Solutions:
             self.clock.best = before
         return Solution(search, best)
 
-    def _inherited(self, freedom: Freedom) -> list[NDArray[np.float64]]:
+    def _inherited(self, search: GroupingSearch) -> list[NDArray[np.float64]]:
         """Return the best settings with fewer freedoms, as parameters of this search."""
-        found = []
+        found, freedom = [], search.freedom
         for tied, owner in self._tied(freedom):
             best = self.solve(tied, wanted=False).candidate
             if best is not None:
                 found.append(best.theta.reshape(len(tied.groups), -1)[list(owner)].ravel())
-        if freedom.kind.without_filter is not freedom.kind:
-            plain = self.solve(replace(freedom, kind=freedom.kind.without_filter), wanted=False)
-            if plain.candidate is not None:
-                found += self._with_filters(plain)
+        for kind in freedom.kind.contained:
+            lesser = self.solve(replace(freedom, kind=kind), wanted=False)
+            if lesser.candidate is not None:
+                found += self._as_kind(lesser.candidate.theta, lesser.search, search)
         return found
 
     def _less_demanding(
@@ -255,17 +255,31 @@ class Solutions:
         pairs = [(into, merged(groups, into)) for into in dict.fromkeys(wider) if into != groups]
         return [(into, owner) for into, owner in pairs if owner and len(into) < len(groups)]
 
-    def _with_filters(self, tied: Solution) -> list[NDArray[np.float64]]:
-        """Return settings with a free filter time that are, or nearly, those without one."""
-        assert tied.candidate is not None  # noqa: S101 - for the type checker
-        rows = tied.candidate.theta.reshape(len(tied.search.groups), -1)
-        if "derivative_time" in tied.search.objective.kind.parameters:
-            lags = [rows[:, 2] + math.log(DERIVATIVE_FILTER)]
-        else:  # a filter far above all that matters, and one that does
-            times = tied.search.region.starts
-            shortest = np.full(len(rows), times.low[1])
-            lags = [shortest - math.log(1e6), shortest + math.log(10.0)]
-        return [np.column_stack([rows, lag]).ravel() for lag in lags]
+    @staticmethod
+    def _as_kind(
+        theta: NDArray[np.float64], lesser: GroupingSearch, search: GroupingSearch
+    ) -> list[NDArray[np.float64]]:
+        """Return settings of a search of a lesser kind as those of another, or nearly so.
+
+        The time that they lack is a filter tied to the derivative, or so short that it changes
+        nothing; then also one that matters.
+        """
+        names, have = search.freedom.kind.parameters, lesser.freedom.kind.parameters
+        none = search.box.low.reshape(-1, len(names))
+        short = search.region.starts.low.reshape(-1, len(names))
+        found = [theta.reshape(len(lesser.groups), -1)]
+        for place, name in enumerate(names):
+            if name in have:
+                continue
+            if name == "filter_time" and "derivative_time" in names:
+                found = [
+                    np.insert(rows, place, rows[:, 2] + math.log(DERIVATIVE_FILTER), axis=1)
+                    for rows in found
+                ]
+                continue
+            times = none[:, place], short[:, place] + math.log(MATTERS)
+            found = [np.insert(rows, place, time, axis=1) for rows in found for time in times]
+        return [rows.ravel() for rows in found]
 
     def _theta_of(self, search: GroupingSearch, loops: Sequence[Controller]) -> NDArray[np.float64]:
         """Return the parameters of given settings; a time that they lack becomes a short one."""

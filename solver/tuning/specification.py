@@ -73,9 +73,13 @@ class ControllerKind(StrEnum):
         return names
 
     @property
-    def without_filter(self) -> ControllerKind:
-        """The kind whose filter is not free."""
-        return ControllerKind(self.value.removesuffix("F"))
+    def contained(self) -> tuple[ControllerKind, ...]:
+        """Kinds that are this one with a filter tied to the derivative, or a time that vanishes.
+
+        With one parameter less, the nearest first.
+        """
+        PI, PID, PIF = ControllerKind.PI, ControllerKind.PID, ControllerKind.PIF
+        return {PI: (), PID: (PI,), PIF: (PI,)}.get(self, (PID, PIF))
 
 
 class Signs(StrEnum):

@@ -279,7 +279,7 @@ class _Run:
 
     def _foremost(self) -> Groups | None:
         """Return the partition of the best settings; where there are none, of the nearest ones."""
-        best = self._chosen()
+        best = self._chosen(worth=FINER_WORTH_IT)
         nearest = self.solutions.nearest()
         if best is not None:
             return best.search.groups
@@ -293,30 +293,30 @@ class _Run:
                 self.found.append(solution)
 
     def _keep_what_there_is(self) -> None:
-        """Keep the best of each search; of those with fewer freedoms, if there is nothing else."""
-        searches = [
-            search
-            for search in self.solutions.searches
-            if search.freedom.kind is self.specification.kind
-        ]
-        for wanted in (True, False):
-            for search in searches:
-                if (search.freedom.groups in self.partitions) is wanted and not (
-                    self.found and not wanted
-                ):
-                    kept = self.solutions.kept(search)
-                    if kept.candidate is not None:
-                        self.found.append(kept)
-        plain = self.specification.kind.without_filter
-        if self.found or plain is self.specification.kind:
-            return
-        for search in [each for each in self.solutions.searches if each.freedom.kind is plain]:
-            kept = self.solutions.kept_with_filter(search)
+        """Keep the best of each search; of those with fewer freedoms, what is better than these."""
+        kind = self.specification.kind
+        others = []
+        for search in list(self.solutions.searches):
+            if search.freedom.kind is not kind or search.groups not in self.partitions:
+                others.append(search)
+                continue
+            kept = self.solutions.kept(search)
+            if kept.candidate is not None:
+                self.found.append(kept)
+        for search in sorted(others, key=lambda each: each.lowest):
+            values = [found.candidate.value for found in self.found if found.candidate]
+            if not search.lowest < min(values, default=math.inf):
+                break
+            of = self.solutions.kept if search.freedom.kind is kind else self.solutions.kept_of_less
+            kept = of(search)
             if kept.candidate is not None:
                 self.found.append(kept)
 
-    def _chosen(self) -> Solution | None:
-        """Return the best solution; of nearly equal ones that with the fewest groups."""
+    def _chosen(self, worth: float = WORTH_IT) -> Solution | None:
+        """Return the best solution; of nearly equal ones that with the fewest groups.
+
+        `worth`: per cent that unlike settings must gain over like ones.
+        """
         best: Solution | None = None
         best_value = math.inf
         for solution in sorted(self.found, key=lambda each: len(each.search.groups)):
@@ -326,7 +326,7 @@ class _Run:
             if best is not None and len(solution.search.groups) > len(best.search.groups):
                 needed = FINER_WORTH_IT
                 if len(best.search.groups) == 1:
-                    needed = WORTH_IT
+                    needed = worth
             if value < best_value * (1 - needed / 100):
                 best, best_value = solution, value
         return best
@@ -341,6 +341,9 @@ class _Run:
         search = self.solutions.nearest()
         if search is None or search.closest is None:
             reason = "none were found that stabilise the loops within the parameter bounds"
+            twice = any(each.integrators > 1 for each in self.specification.plant.elements)
+            if twice and "derivative_time" not in self.specification.kind.parameters:
+                reason += "; a plant that integrates twice needs a derivative: ask for PID"
             return infeasible(self.specification, groups, self.clock, reason, None)
         slow, case = search.slowest_demand(search.closest)
         if slow.value <= 1:

@@ -42,6 +42,34 @@ def test_a_derivative_time_as_long_as_the_lag_is_found():
         assert result.loops[0].derivative_time > 50
 
 
+@pytest.mark.parametrize(
+    "process",
+    [
+        TransferFunction((1,), (1, 0.02, 1)),
+        TransferFunction((-2, 1), (4, 4, 1)),
+        TransferFunction((3,), (1, 1), 0.7),
+        TransferFunction((1,), (5, 1, 0)),
+    ],
+    ids=["resonance", "inverse response", "dead time", "integrator"],
+)
+def test_a_kind_with_more_parameters_is_never_worse(process):
+    """PI is PID whose derivative vanishes; PID and PIF are PIDF: of 1/(s^2 + s/50 + 1) too."""
+    plant = ParallelPlant(1, process, NONE)
+    tau_p = {kind: run(plant, kind=kind).tau_p for kind in ControllerKind}
+    for kind in ControllerKind:
+        for less in kind.contained:
+            assert tau_p[kind] <= (1 + 1e-6) * tau_p[less]
+
+
+def test_two_integrations_ask_for_a_derivative():
+    """No PI controller holds 1/s^2, and the refusal names the kind that does."""
+    twice = ParallelPlant(1, TransferFunction((1,), (1, 0, 0)), NONE)
+    refused = run(twice)
+    assert refused.status is Status.INFEASIBLE
+    assert refused.reason.endswith("a plant that integrates twice needs a derivative: ask for PID")
+    assert run(twice, kind=ControllerKind.PID).tau_p == pytest.approx(6.2634, rel=1e-4)
+
+
 def test_near_singular_pid_and_the_column_have_slow_derivatives():
     """a = 0.995: 49.44; SLH eq. 3 at tau_P = 10: mu = 1.268, not met and said so."""
     near = run(first_order(2, 1, 100, 0.995), kind=ControllerKind.PID)
