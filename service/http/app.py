@@ -12,6 +12,7 @@ from typing import Any
 
 from fastapi import Depends, FastAPI
 from fastapi.middleware.cors import CORSMiddleware
+from fastapi.routing import APIRoute
 from sqlalchemy import Engine as Connections
 
 from service.audit import Trail
@@ -97,6 +98,7 @@ def create_app(configuration: Configuration | None = None) -> FastAPI:
         description=_DESCRIPTION,
         license_info={"name": "MIT", "identifier": "MIT"},
         openapi_tags=_TAGS,
+        openapi_url=None,  # see docs_page
         docs_url=None,
         redoc_url=None,
         lifespan=_lifespan,
@@ -119,13 +121,15 @@ def create_app(configuration: Configuration | None = None) -> FastAPI:
     for module in _FOR_EVERYBODY:
         app.include_router(module.router)
     docs_page.install(app)
+    app.state.routes = [
+        route
+        for module in (*_FOR_CALLERS, *_FOR_EVERYBODY)
+        for route in module.router.routes
+        if isinstance(route, APIRoute)
+    ]
 
-    def openapi() -> dict[str, Any]:
-        if app.openapi_schema is None:
-            app.openapi_schema = document(app)
-        return app.openapi_schema
-
-    app.openapi = openapi  # type: ignore[method-assign]  # FastAPI's way to extend the document
+    # FastAPI's way to extend the document
+    app.openapi = lambda: document(app)  # type: ignore[method-assign]
     if app.state.configuration.cors_origins:
         app.add_middleware(
             CORSMiddleware,
@@ -171,7 +175,6 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
         connections = database.connect(configuration.url)
         stack.callback(connections.dispose)
         await _migrated(connections, configuration.start_wait)
-        await asyncio.to_thread(app.openapi)  # half a second, for which no caller should wait
 
         transactions = Transactions(connections)
         store = app.state.store = Store(transactions, configuration.max_queued)

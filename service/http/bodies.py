@@ -19,6 +19,7 @@ __all__ = [
     "described_lines",
     "read",
     "read_bytes",
+    "schemas",
 ]
 
 REFERENCE = "#/components/schemas/{model}"
@@ -90,7 +91,7 @@ def check_media_type(request: Request) -> None:
 
 def described_lines(model: type[BaseModel]) -> dict[str, Any]:
     """Return the OpenAPI content of lines of JSON, each of the form `model`."""
-    return {NDJSON: {"schema": model.model_json_schema(ref_template=REFERENCE)}}
+    return {NDJSON: {"schema": _reference(model)}}
 
 
 def described_body(
@@ -98,12 +99,37 @@ def described_body(
 ) -> dict[str, Any]:
     """Return the OpenAPI description of a required body that `read` parses as `model`.
 
-    The schema carries its parts in ``$defs``; `service.http.description` moves them to the
-    components.
     With `lines` the body may be lines of that form instead.
     """
-    schema = model.model_json_schema(ref_template=REFERENCE)
-    content = {"application/json": {"schema": schema}}
+    content = {"application/json": {"schema": _reference(model)}}
     if lines is not None:
         content |= described_lines(lines)
     return {"requestBody": {"required": True, "content": content}}
+
+
+# Schemas of these take a third of a second of every start, so the document alone asks for them.
+_described: dict[str, type[BaseModel]] = {}
+
+
+def _reference(model: type[BaseModel]) -> dict[str, str]:
+    name = model.model_config.get("title") or model.__name__
+    if _described.setdefault(name, model) is not model:
+        message = f"two different bodies are called {name}"
+        raise ValueError(message)
+    return {"$ref": REFERENCE.format(model=name)}
+
+
+def schemas(reference: str) -> dict[str, Any]:
+    """Return the schema of a described body, and those of its parts, by their names.
+
+    Parameters
+    ----------
+    reference : str
+        As it stands in the description; that of anything else has no schemas here.
+
+    """
+    name = reference.rpartition("/")[2]
+    if name not in _described:
+        return {}
+    schema = _described[name].model_json_schema(ref_template=REFERENCE)
+    return {**schema.pop("$defs", {}), name: schema}

@@ -5,9 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 from fastapi import FastAPI
+from fastapi.encoders import jsonable_encoder
+from fastapi.openapi.models import Schema
 from fastapi.openapi.utils import get_openapi
 
-from service.http.bodies import REFERENCE
+from service.http import bodies
 
 __all__ = ["document"]
 
@@ -27,23 +29,25 @@ def document(app: FastAPI) -> dict[str, Any]:
         separate_input_output_schemas=False,
     )
     components = result["components"]["schemas"]
-    for operations in result["paths"].values():
+    for reference in sorted(_references(result)):
+        for name, schema in bodies.schemas(reference).items():
+            # In the form that FastAPI gives those of its own.
+            found = jsonable_encoder(Schema(**schema), by_alias=True, exclude_none=True)
+            if components.setdefault(name, found) != found:
+                message = f"two different schemas are called {name}"
+                raise ValueError(message)
+    result["components"]["schemas"] = dict(sorted(components.items()))
+    return result
+
+
+def _references(document: dict[str, Any]) -> set[str]:
+    """Return what the bodies of requests and responses refer to."""
+    found = set()
+    for operations in document["paths"].values():
         for method in _METHODS:
             operation = operations.get(method, {})
             parts = [operation.get("requestBody", {}), *operation.get("responses", {}).values()]
             for part in parts:
                 for content in part.get("content", {}).values():
-                    if "title" in content["schema"]:
-                        _move_to_components(content, components)
-    result["components"]["schemas"] = dict(sorted(components.items()))
-    return result
-
-
-def _move_to_components(content: dict[str, Any], components: dict[str, Any]) -> None:
-    schema = dict(content["schema"])
-    name = schema["title"]
-    for key, value in {**schema.pop("$defs", {}), name: schema}.items():
-        if components.setdefault(key, value) != value:
-            message = f"two different schemas are called {key}"
-            raise ValueError(message)
-    content["schema"] = {"$ref": REFERENCE.format(model=name)}
+                    found.add(content["schema"].get("$ref", ""))
+    return found

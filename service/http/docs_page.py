@@ -1,7 +1,9 @@
-"""Interactive API documentation at ``/docs``: Swagger UI from an installed package, no CDN."""
+"""The OpenAPI document, and ``/docs``: Swagger UI from an installed package, no CDN."""
 
 from __future__ import annotations
 
+import asyncio
+import json
 from importlib.resources import files
 
 from fastapi import FastAPI
@@ -36,7 +38,17 @@ _POLICY = (
 
 
 def install(app: FastAPI) -> None:
-    """Add the page and its files to `app`."""
+    """Add the document, the page and its files to `app`."""
+    writing = asyncio.Lock()
+    written: list[bytes] = []
+
+    @app.get("/openapi.json", include_in_schema=False)
+    async def document() -> Response:
+        # A second of work, and many times the memory of the text: for those who ask alone.
+        async with writing:
+            if not written:
+                written.append(await asyncio.to_thread(lambda: json.dumps(app.openapi()).encode()))
+        return Response(written[0], media_type="application/json")
 
     @app.get("/docs", include_in_schema=False)
     async def page() -> Response:

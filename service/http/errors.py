@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import json
-import re
 
 from fastapi import FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
+from fastapi.routing import APIRoute
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 
@@ -61,15 +61,14 @@ async def _to_response(request: Request, error: Exception) -> Response:
 
 def _methods(request: Request) -> list[str]:
     """Return the methods of the resource that a request asked for."""
-    path = request.url.path
-    templates: dict[str, dict[str, object]] = request.app.openapi()["paths"]
+    routes: list[APIRoute] = request.app.state.routes
     found = {
-        method.upper()
-        for template, operations in templates.items()
-        if re.fullmatch(re.sub(r"{\w+}", "[^/]+", template), path)
-        for method in operations
+        method
+        for route in routes
+        if route.path_regex.match(request.url.path)
+        for method in route.methods or ()
     }
-    return sorted(found) or ["GET"]  # what the document leaves out is only read
+    return sorted(found) or ["GET"]  # what is not a route of the interface is only read
 
 
 def problem_response(error: Exception) -> Response:

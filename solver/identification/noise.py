@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import LinAlgError, solve_toeplitz
-from scipy.signal import lfilter
+from scipy.linalg.lapack import dtbtrs
 from scipy.special import stdtrit
 
 from solver.identification.fitting import steps
@@ -148,7 +148,12 @@ def _meat(
 
 def backwards(model: NDArray[np.float64], columns: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the columns through 1/A(z), filtered backwards in time (and turned round)."""
-    return np.asarray(lfilter([1.0], model, columns[::-1], axis=0))
+    # The recursion is a triangular system with few bands; scipy.signal would bring scipy.stats,
+    # together 25 MB, into every process that computes.
+    length = len(columns)
+    bands = np.repeat(np.asarray(model)[:length, None], length, axis=1)
+    filtered, _ = dtbtrs(bands, columns[::-1], uplo="L", diag="U")
+    return np.asarray(filtered).reshape(columns.shape)
 
 
 def autoregression(left: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
