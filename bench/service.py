@@ -26,10 +26,8 @@ from typing import Any
 
 import httpx
 
-from solver.model.plants import first_order
-from solver.model.weights import Performance, Uncertainty
-from solver.tuning.specification import Arrangement, Specification
-from solver.tuning.tuner import tune
+from service.schemas.tunings import BatchTuningRequest, TuningRequest
+from solver.limits import mixed
 
 MUTUNE = Path(sys.executable).with_name("mutune")
 PLANT = {"kind": "first_order", "n": 2, "gain": 1, "time_constant": 100, "interaction": 0.949}
@@ -78,7 +76,6 @@ class Bench:
     def __init__(self, client: httpx.AsyncClient, pid: int) -> None:
         self._client = client
         self._pid = pid
-        self._ending = 0.0  # seconds of a solve that its `elapsed_seconds` leave out
 
     async def endurance(self, jobs: int) -> AsyncIterator[Row]:
         """Memory while so many short tunings of one unit are computed."""
@@ -94,16 +91,14 @@ class Bench:
 
     async def overhead(self) -> Row:
         """Time of a job beyond its solve, one after another."""
-        _ending(0)
-        beyond, endings = [], []
+        _ending(0, batch=False)
+        beyond = []
         for seed in range(20):
-            ending = _ending(seed)  # beside each job: the machine's load changes
-            endings.append(ending)
+            ending = _ending(seed, batch=False)  # beside each job: the machine's load changes
             begun = time.perf_counter()
             job = await self._tune(tuning(seed))
             total = time.perf_counter() - begun
             beyond.append(total - job["result"]["search"]["elapsed_seconds"] - ending)
-        self._ending = statistics.median(endings)
         value = f"{1000 * statistics.median(beyond):.0f} ms"
         return Row("overhead of a job beyond the solve, median of 20", value, "15 ms")
 
@@ -121,7 +116,8 @@ class Bench:
         results = (await self._client.get(links["results"])).text.splitlines()
         seconds = time.perf_counter() - begun
         searching = [json.loads(line)["result"]["search"]["elapsed_seconds"] for line in results]
-        solving = sum(searching) + self._ending * len(searching)
+        ending = statistics.median(_ending(seed, batch=True) for seed in range(20))
+        solving = sum(searching) + ending * len(searching)
         return [
             Row(f"accepting a batch of {items}", f"{accepted:.2f} s", ""),
             Row(
@@ -180,17 +176,12 @@ class Bench:
         return Row(f"memory, API and engine, {when}", f"{total / 1000:.0f} MB", "400 MB")
 
 
-def _ending(seed: int) -> float:
-    """Return the seconds that the solver needs after its search: curves, for one."""
-    specification = Specification(
-        first_order(n=2, gain=1.0, time_constant=100.0, interaction=0.949),
-        Uncertainty.from_error(0.2, 1.0),
-        Performance(),
-        arrangement=Arrangement.IDENTICAL,
-        seed=seed,
-    )
+def _ending(seed: int, *, batch: bool) -> float:
+    """Return the seconds that the solver needs after its search: margins, proof, curves."""
+    model = BatchTuningRequest if batch else TuningRequest
+    specification = model.model_validate(tuning(seed)).build()
     begun = time.perf_counter()
-    result = tune(specification)
+    result = mixed.tune_task(specification)
     return time.perf_counter() - begun - result.search.elapsed_seconds
 
 

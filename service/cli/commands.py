@@ -60,7 +60,7 @@ def _begin_processes() -> None:
     from service.jobs import forking  # noqa: PLC0415 - only where processes are needed
 
     raise_again()
-    forking.start()
+    forking.begin()
 
 
 @app.callback()

@@ -1,15 +1,23 @@
 """The server that this service's processes are forked from; it has everything imported.
 
-This module imports next to nothing, so that a command can start the server first and do its own
-imports meanwhile: both take seconds.
+A command forks it from itself, once it has imported what both need: that is imported once, and is
+in memory once. Then each does the rest of its imports beside the other.
 """
 
 from __future__ import annotations
 
+import gc
 import os
-from multiprocessing import forkserver
+import signal
+import sys
+import threading
+import traceback
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from multiprocessing import forkserver, resource_tracker, util
+from typing import Any
 
-__all__ = ["listen", "progress", "start", "tell"]
+__all__ = ["begin", "listen", "progress", "start", "tell"]
 
 _VARIABLE = "MUTUNE_START_PROGRESS"  # for the server alone: where it tells how far it is
 _SIZE = 200
@@ -28,12 +36,71 @@ _kept: dict[str, int] = {}  # the file in memory that the server writes to, once
 
 
 def start() -> None:
-    """Start the server, unless it runs; do not wait until it has done its imports."""
+    """Start the server as a program of its own, unless it runs.
+
+    Like `begin` it does not wait until the server has done its imports.
+    """
     for name in _THREADS:
         os.environ[name] = "1"
     listen()
     forkserver.set_forkserver_preload(["service.jobs.fork_server"])
     forkserver.ensure_running()
+
+
+def begin() -> None:
+    """Start the server from this process, which has done nothing yet but for its imports."""
+    for name in _THREADS:
+        os.environ[name] = "1"
+    # A fork takes no threads along, and only on Linux do the system's libraries bear it.
+    if sys.platform == "linux" and threading.active_count() == 1:
+        from service import registry  # noqa: PLC0415 - after the variables
+        from service.jobs import pool  # noqa: F401, PLC0415 - with the libraries of both
+
+        registry.every()
+        with _forked():
+            start()
+    else:
+        start()
+
+
+@contextmanager
+def _forked() -> Iterator[None]:
+    """Have the server forked from this process, where Python would start its program anew."""
+    resource_tracker.ensure_running()  # a process that is started anew, whatever starts it
+    anew = util.spawnv_passfds
+    util.spawnv_passfds = _fork
+    try:
+        yield
+    finally:
+        util.spawnv_passfds = anew
+
+
+def _fork(path: bytes, args: Sequence[Any], passfds: Sequence[int]) -> int:
+    """Do as `multiprocessing.util.spawnv_passfds`, with what is imported here."""
+    # The collector writes into every object that it looks at, and a page written to is no longer
+    # shared.
+    gc.freeze()
+    del path
+    pid = os.fork()
+    if pid:
+        return pid
+    status = 1
+    try:
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, signal.SIG_DFL)
+        below = 3
+        for descriptor in sorted(passfds):
+            os.closerange(below, descriptor)
+            below = descriptor + 1
+        os.closerange(below, os.sysconf("SC_OPEN_MAX"))
+        exec(args[-1], {})  # noqa: S102 - what `python -c` would have been given
+        status = 0
+    except SystemExit:  # all who could ask for processes have gone
+        status = 0
+    except BaseException:  # noqa: BLE001 - nobody else is there to tell
+        traceback.print_exc()
+    finally:
+        os._exit(status)
 
 
 def listen() -> None:

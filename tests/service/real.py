@@ -118,7 +118,7 @@ class Service(Process):
 
     def worker_pids(self) -> list[int]:
         """Return the process ids of its Dask workers: the children of its fork server."""
-        servers = [pid for pid in _children(self.pid) if "forkserver" in _command(pid)]
+        servers = [pid for pid in _children(self.pid) if "resource_tracker" not in _command(pid)]
         return [pid for server in servers for pid in _children(server)]
 
     def end(self) -> None:
