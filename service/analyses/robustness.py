@@ -38,7 +38,7 @@ from solver.tuning.advice import NEAR_ONE, weights_factor
 __all__ = ["ANALYSIS", "RobustnessRequest", "RobustnessResult", "RobustnessTask"]
 
 MAX_FREQUENCIES = 10_000
-INFINITELY_MANY = 10**9  # solver.stability.closed_loop; not imported, for numba's sake
+INFINITELY_MANY = 10**9  # solver.stability.encirclements; not imported, for numba's sake
 
 
 @dataclass(frozen=True)
@@ -194,7 +194,8 @@ class RobustnessResult(IdentifiedResult, ResultModel):
         description="Whether the nominal closed loop is stable.", examples=[True]
     )
     unstable_poles: int = Field(
-        description="Closed-loop poles in the right half plane, those at s = 0 apart.",
+        description="Closed-loop poles in the right half plane, those at s = 0 apart; 1000000000 "
+        "stands for more than can be counted.",
         examples=[0],
     )
     poles_at_origin: int = Field(
@@ -373,7 +374,7 @@ def _unstable(result: RobustnessResult) -> str:
     poles, drifting = result.unstable_poles, result.poles_at_origin
     found = []
     if poles >= INFINITELY_MANY:
-        found.append("infinitely many closed-loop poles in the right half plane")
+        found.append("more closed-loop poles in the right half plane than can be counted")
     elif poles:
         found.append(f"{poles} closed-loop pole{'s' * (poles != 1)} in the right half plane")
     if drifting:

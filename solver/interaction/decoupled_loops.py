@@ -132,8 +132,9 @@ class DecoupledLoops:
         rates += [rate / DERIVATIVE_FILTER for rate in rates]
         bends = np.append(corners(self.plant), [omega for omega in resets if omega > 0] + rates)
         batch = LoopBatch(
-            loop_gain, np.sort(bends), resonances(self.plant), passed[0.0], self.plant.n
-        )
+            loop_gain, np.sort(bends), resonances(self.plant), passed[0.0], self.plant.n,
+            dead_time=self.plant.longest_dead_time,
+        )  # fmt: skip
         return int(count_unstable(batch)[0]) == 0
 
     def _reach(self) -> float:

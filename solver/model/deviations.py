@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from solver.model.plants import MatrixPlant, ParallelPlant, Plant
@@ -81,5 +82,7 @@ def of_unit(
 
 def _within(num: list[float], den: list[float], dead_time: float) -> TransferFunction:
     """Return num/den, both divided where a coefficient would be too large."""
-    size = max(1.0, max(abs(c) for c in num + den) / LARGEST)
+    largest = max(abs(c) for c in num + den)
+    # A power of two divides without rounding: nothing is above the limit by its last digit.
+    size = 2.0 ** max(0, math.ceil(math.log2(largest / LARGEST)))
     return TransferFunction([c / size for c in num], [c / size for c in den], dead_time)

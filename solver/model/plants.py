@@ -77,6 +77,11 @@ class Plant(ABC):
         """The elements of `places`."""
         return tuple(place.element for place in self.places)
 
+    @property
+    def longest_dead_time(self) -> float:
+        """The longest dead time of the elements."""
+        return max(element.dead_time for element in self.elements)
+
     @abstractmethod
     def element(self, row: int, column: int) -> TransferFunction:
         """Return the transfer function from input `column` to output `row`."""

@@ -29,8 +29,7 @@ from solver.robustness.centralised_curves import (
 )
 from solver.robustness.full_proof import prove
 from solver.robustness.record import Curves, Guarantee, Peaks
-from solver.stability.closed_loop import INFINITELY_MANY
-from solver.stability.encirclements import LoopBatch, count_unstable
+from solver.stability.encirclements import INFINITELY_MANY, LoopBatch, count_unstable
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -178,9 +177,10 @@ def centralised_poles(blocks: LoopBlocks, controllers: tuple[StateSpace | Matrix
             np.unique(np.concatenate([bends, own])),
             np.concatenate([resonances(plant), light]),
             direct[None],
+            dead_time=plant.longest_dead_time,
         )
         total += block.multiplicity * max(int(count_unstable(batch)[0]) + unstable, 0)
-    return total
+    return min(total, INFINITELY_MANY)
 
 
 def _paired(

@@ -183,7 +183,9 @@ class LoopAnalysis:
         w_I = self.blocks.responses(self.uncertainty, omega)
         w_P = self.performance.weight.response(omega)
         matrices = interconnections(self.blocks, G, c, w_I, w_P)
-        return _KernelData(G, c, np.abs(w_I) ** 2, np.abs(w_P) ** 2, matrices)
+        # A kernel compiles anew, for a minute, for arrays of another order in memory.
+        u = np.ascontiguousarray(np.abs(w_I) ** 2)
+        return _KernelData(G, c, u, np.abs(w_P) ** 2, matrices)
 
     def _robust_performance(
         self, loop: _KernelData, d: NDArray[np.float64] | None = None

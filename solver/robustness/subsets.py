@@ -15,8 +15,7 @@ from solver.model.frequencies import corners, finite_reach, resonances
 from solver.model.memory import batch_length
 from solver.model.open_loop import require_supported
 from solver.model.plants import ParallelPlant
-from solver.stability.closed_loop import INFINITELY_MANY
-from solver.stability.encirclements import LoopBatch, count_unstable
+from solver.stability.encirclements import INFINITELY_MANY, LoopBatch, count_unstable
 from solver.stability.neutral import direct_gain, neutral_gain
 from solver.stability.singular import origin_poles
 
@@ -112,7 +111,14 @@ class Subsets:
         reached = finite_reach(self.plant, self.controllers)
         bends = np.sort(np.append(corners(self.plant, loops=self.controllers), reached))
         return count_unstable(
-            LoopBatch(loop_gain, bends, resonances(self.plant), direct, integrators)
+            LoopBatch(
+                loop_gain,
+                bends,
+                resonances(self.plant),
+                direct,
+                integrators,
+                dead_time=self.plant.longest_dead_time,
+            )
         )
 
     def controller_response(self, omega: NDArray[np.float64]) -> NDArray[np.complex128]:

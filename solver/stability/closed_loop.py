@@ -16,7 +16,7 @@ from solver.model.blocks import group_loops
 from solver.model.frequencies import corners, finite_reach, resonances
 from solver.model.open_loop import require_supported
 from solver.model.plants import ParallelPlant
-from solver.stability.encirclements import LoopBatch, count_unstable
+from solver.stability.encirclements import INFINITELY_MANY, LoopBatch, count_unstable
 from solver.stability.neutral import direct_gain, mode_gain, neutral_gain
 from solver.stability.singular import lost_directions
 
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from solver.model.plants import Plant
 
 __all__ = [
-    "INFINITELY_MANY",
     "ClosedLoopPoles",
     "closed_loop_poles",
     "is_stable",
@@ -38,7 +37,6 @@ __all__ = [
 ]
 
 MANY = 3  # different settings on a parallel plant from which the determinant's factors are followed
-INFINITELY_MANY = 10**9  # closed-loop poles of an unstable loop of neutral type
 
 
 @dataclass(frozen=True)
@@ -46,9 +44,10 @@ class ClosedLoopPoles:
     """Closed-loop poles that keep a loop from being stable.
 
     `right_half_plane`: how many have a real part >= 0, those at s = 0 apart; `INFINITELY_MANY` for
-    dead time with a direct feedthrough gain of 1 or more, which no real plant has. `at_origin`:
-    how many are at s = 0. They are controllers' integrators that a singular static gain keeps
-    from acting together: the loops do not run away but drift, and never settle.
+    dead time with a direct feedthrough gain of 1 or more, which no real plant has, and for more
+    than can be counted, where a dead time is very long. `at_origin`: how many are at s = 0. They
+    are controllers' integrators that a singular static gain keeps from acting together: the loops
+    do not run away but drift, and never settle.
     """
 
     right_half_plane: int
@@ -130,8 +129,10 @@ def closed_loop_poles(plant: Plant, loops: Sequence[Controller]) -> ClosedLoopPo
             loop_gain, bends, resonances(plant), direct,
             int(integrating[list(block.channels)].sum()) - lost[index],
             factors if many else None,
+            plant.longest_dead_time,
         )  # fmt: skip
         total += block.multiplicity * int(count_unstable(batch)[0])
+    total = min(total, INFINITELY_MANY)
     return ClosedLoopPoles(total, at_origin)
 
 

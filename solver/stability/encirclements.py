@@ -20,16 +20,22 @@ from solver.model.frequencies import grid
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["LoopBatch", "LoopGain", "count_unstable"]
+__all__ = ["INFINITELY_MANY", "LoopBatch", "LoopGain", "count_unstable"]
 
 LoopGain: TypeAlias = "Callable[[NDArray[np.float64]], NDArray[np.complex128]]"
 
+INFINITELY_MANY = 10**9  # or more than can be counted
 LARGEST_TURN = 0.6  # rad between neighbouring points, a tenth of a full turn
 MAX_POINTS = 40_000
 MAX_ENTRIES = 4_000_000  # of the matrices of all loops that are held at once: 64 MB
 POINTS_PER_DECADE = 30
 SMALL = 0.1  # at the high end: what is left of a loop's gain beyond its direct part,
 LEVEL = 1e-3  # or its relative change over a decade where dead time feeds through
+MOST_FOLLOWED = 200_000  # entries of matrices: some tenths of a second,
+FEWEST_FOLLOWED = 10_000  # points that dead time may need in any case
+LOOKS = 3  # at an interval over which dead time turns, whether it is calm,
+CALM = 1 - 1e-6  # the spectral radius below which it is
+PERRON_ROUNDS = 8  # of the power method: the bound is then near the root, and a bound in any case
 
 
 @dataclass(frozen=True)
@@ -54,6 +60,8 @@ class LoopBatch:
     factors : callable or None
         Factors of det(I + L), (k, loops, f), where it has some: the argument of each is followed,
         since that of a product of many may turn once round from point to point unseen.
+    dead_time : float
+        The longest one. It may turn det(I + L) once round, or many times, from point to point.
 
     """
 
@@ -63,6 +71,7 @@ class LoopBatch:
     direct: NDArray[np.float64]
     integrators: NDArray[np.int64] | int = 0
     factors: LoopGain | None = None
+    dead_time: float = 0.0
 
     def determinant(self, omega: NDArray[np.float64]) -> _Determinant:
         """det(I + L) at `omega` (k,), (k, loops, f), by its factors."""
@@ -90,7 +99,7 @@ def count_unstable(batch: LoopBatch) -> NDArray[np.int64]:
     """Count the closed-loop poles with a real part >= 0 of each loop, (loops,).
 
     A pole on the axis counts as unstable. The gain of a loop with dead time must be below one at
-    infinity.
+    infinity. `INFINITELY_MANY` stands for more than can be counted.
 
     Raises
     ------
@@ -99,9 +108,12 @@ def count_unstable(batch: LoopBatch) -> NDArray[np.int64]:
 
     """
     low, order, start = _low_end(batch)
-    high, rest = _high_end(batch)
+    high = _high_end(batch)
     extra = [batch.resonances, batch.bends]
-    turned, lost = _turns(batch, grid(low, high, POINTS_PER_DECADE, extra))
+    omega, followed = _with_dead_time(batch, grid(low, high, POINTS_PER_DECADE, extra))
+    through = np.eye(batch.direct.shape[-1]) + batch.direct
+    rest = np.linalg.solve(through, batch.loop_gain(omega[-1:])[0] - batch.direct)
+    turned, lost, exhausted = _turns(batch, omega)
     # From 0+ to the first point, and from the last one to infinity, by the known limits: there
     # det(I + L) = det(I + D) det(I + rest) with det(I + D) real, and I + t rest is regular for t
     # in 0..1, so that each of its eigenvalues turns back to one.
@@ -113,7 +125,9 @@ def count_unstable(batch: LoopBatch) -> NDArray[np.int64]:
         message = "the loop gain is not a number somewhere on the frequency axis"
         raise ArithmeticError(message)
     count = half_turns.astype(int)
-    return np.where(lost, np.maximum(count, 1), count)
+    count = np.where(lost, np.maximum(count, 1), count)
+    unknown = lost & exhausted | ~np.array(followed)
+    return np.where(unknown & (count > 0), INFINITELY_MANY, count)
 
 
 def _low_end(
@@ -134,11 +148,11 @@ def _low_end(
     return omega, order, rest
 
 
-def _high_end(batch: LoopBatch) -> tuple[float, NDArray[np.complex128]]:
-    """Return a frequency above which the loops are near their limits, and how far they are there.
+def _high_end(batch: LoopBatch) -> float:
+    """Return a frequency above which the loops are near their limits.
 
-    The second is (I + D)^-1 (L - D), D the direct part of L: small, or below one in its spectral
-    radius where something passes on after a dead time.
+    (I + D)^-1 (L - D), D the direct part of L, is small there, or below one in its spectral radius
+    where something passes on after a dead time.
     """
     omega = 1e3 * float(batch.bends[-1])
     through = np.eye(batch.direct.shape[-1]) + batch.direct
@@ -151,7 +165,72 @@ def _high_end(batch: LoopBatch) -> tuple[float, NDArray[np.complex128]]:
         if size < SMALL or abs(size - before) < LEVEL * size:
             break
         omega, before = 10 * omega, size
-    return omega, rest
+    return omega
+
+
+def _with_dead_time(
+    batch: LoopBatch, omega: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], bool]:
+    """Return `omega` with so many points that dead time turns det(I + L) little between them.
+
+    And whether it has them: there may be too many. It ends where all that follows is calm: with the
+    direct part D of L, the spectral radius of |(I + D)^-1 (L - D)| is below one, so that no
+    eigenvalue can turn round zero, however often the dead time turns.
+    """
+    m = batch.direct.shape[-1]
+    # A determinant has products of m elements; of the factors one has another's in its denominator.
+    rate = (2 if batch.factors is not None else m) * batch.dead_time
+    if not (rate * np.diff(omega) > LARGEST_TURN).any():
+        return omega, True
+    first = int(np.argmax(rate * np.diff(omega) > LARGEST_TURN))
+    # Elements of several dead times add up otherwise from point to point: more are looked at.
+    looks = omega[first:-1, None] + np.diff(omega[first:])[:, None] * np.arange(LOOKS) / LOOKS
+    calm = np.asarray(_calm(batch, looks.ravel()).reshape(looks.shape).all(axis=1))
+    calm[:-1] &= calm[1:]
+    reaching = np.flatnonzero(~calm)
+    if batch.factors is None:
+        omega = omega[: first + 1 + (int(reaching[-1]) + 1 if reaching.size else 0)]
+    turns = rate * np.diff(omega)
+    followed = turns > LARGEST_TURN
+    followed[first:] &= ~calm[: followed.size - first]
+    counts = np.where(followed, np.ceil(turns / LARGEST_TURN), 1.0)
+    if counts.sum() > max(FEWEST_FOLLOWED, MOST_FOLLOWED // batch.direct.size):
+        return omega, False
+    counts = counts.astype(int)
+    start = np.repeat(omega[:-1], counts)
+    step = np.repeat(np.diff(omega) / counts, counts)
+    index = np.arange(start.size) - np.repeat(np.cumsum(counts) - counts, counts)
+    return np.append(start + index * step, omega[-1]), True
+
+
+def _calm(batch: LoopBatch, omega: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Whether no eigenvalue of any loop, or factor, can turn round zero there, (k,)."""
+    if batch.factors is not None:
+        return np.asarray((np.abs(batch.factors(omega) - 1) < CALM).all(axis=(1, 2)))
+    through = np.eye(batch.direct.shape[-1]) + batch.direct
+    at_once = max(1, MAX_ENTRIES // batch.direct.size)
+    found = np.empty(omega.size, dtype=bool)
+    for first in range(0, omega.size, at_once):
+        part = slice(first, first + at_once)
+        rest = np.linalg.solve(through, batch.loop_gain(omega[part]) - batch.direct)
+        found[part] = (_perron_bound(rest) < CALM).all(axis=1)
+    return found
+
+
+def _perron_bound(L: NDArray[np.complexfloating]) -> NDArray[np.float64]:
+    """Return a bound of the spectral radius of |L|, (k, loops), of matrices (k, loops, m, m).
+
+    max_i (|L| x)_i / x_i for any x > 0 (L. Collatz, Math. Z. 48, 1942, 221-226).
+    """
+    size = np.abs(L)
+    x = np.ones(size.shape[:-1])
+    tiny = np.finfo(float).tiny
+    for _ in range(PERRON_ROUNDS if size.shape[-1] > 1 else 1):
+        image = np.einsum("...ij,...j->...i", size, x)
+        bound = (image / x).max(axis=-1)
+        mixed = x + image / np.maximum(bound[..., None], tiny)  # + x: a root of -1 would alternate
+        x = mixed / mixed.max(axis=-1, keepdims=True)
+    return np.asarray(bound)
 
 
 def _determinant(L: NDArray[np.complex128]) -> _Determinant:
@@ -162,13 +241,17 @@ def _determinant(L: NDArray[np.complex128]) -> _Determinant:
 
 def _turns(
     batch: LoopBatch, omega: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Total turn of each argument over `omega`, refined, and where it passes through 0."""
+) -> tuple[NDArray[np.float64], NDArray[np.bool_], bool]:
+    """Total turn of each argument over `omega`, refined, and where it passes through 0.
+
+    The last: whether there was no room for more points, and some of the loops are given up.
+    """
     values, log_size = batch.determinant(omega)
     lost: NDArray[np.bool_] = np.zeros(values.shape[1:], dtype=bool)
     # A determinant of many loops rises faster than each of them: a factor e for every four.
     size = 1 if batch.factors is not None else batch.loop_gain(omega[:1]).shape[-1]
     steep = max(1.0, 0.25 * size)
+    most, exhausted = MAX_POINTS + 4 * omega.size, False
     while True:
         turn = np.angle(values[1:] * values[:-1].conj())
         coarse = (np.abs(turn) > LARGEST_TURN) | (np.abs(np.diff(log_size, axis=0)) > steep)
@@ -178,11 +261,11 @@ def _turns(
         crowded = (middle <= omega[:-1]) | (middle >= omega[1:])
         lost |= coarse[crowded].any(axis=0)
         split = (coarse & ~lost).any(axis=(1, 2))
-        if omega.size + np.count_nonzero(split) > MAX_POINTS:
+        if omega.size + np.count_nonzero(split) > most:
             lost |= coarse.any(axis=0)
-            split = np.zeros_like(split)
+            split, exhausted = np.zeros_like(split), True
         if not split.any():
-            return turn.sum(axis=(0, 2)), np.asarray(lost.any(axis=1))
+            return turn.sum(axis=(0, 2)), np.asarray(lost.any(axis=1)), exhausted
         where = np.flatnonzero(split) + 1
         directions, sizes = batch.determinant(middle[split])
         values = np.insert(values, where, directions, axis=0)

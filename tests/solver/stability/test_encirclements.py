@@ -1,10 +1,12 @@
 """Counts of unstable poles for many loops at once, against the roots of the polynomials."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from solver.stability.encirclements import LoopBatch, count_unstable
+from solver.stability.encirclements import INFINITELY_MANY, LoopBatch, count_unstable
 
 # num, den of L, den without roots in the open right half plane.
 LOOPS = [
@@ -62,6 +64,24 @@ def test_a_pole_on_the_axis_counts_as_unstable() -> None:
 def test_dead_time(gain: float, count: int) -> None:
     """L = k e^(-s)/s loses two poles to the right at k = pi/2, two more at 5 pi/2."""
     assert count_unstable(scalar_loops([([gain], [1.0, 0.0])], 1.0)).tolist() == [count]
+
+
+@pytest.mark.parametrize("dead_time", [1.0, 100.0, 1e3, 1e4])
+def test_a_dead_time_that_turns_many_times_from_point_to_point(dead_time: float) -> None:
+    """2 e^(-theta s)/(s + 1) has a pair to the right for each turn of its phase while above one."""
+    batch = dataclasses.replace(scalar_loops([([2.0], [1.0, 1.0])], dead_time), dead_time=dead_time)
+    phase = np.sqrt(3) * dead_time + np.arctan(np.sqrt(3))  # where the gain is one
+    assert count_unstable(batch).tolist() == [2 * np.floor((phase + np.pi) / (2 * np.pi))]
+
+
+def test_no_dead_time_is_too_long_where_the_gain_stays_below_one() -> None:
+    """0.9 e^(-theta s)/(s + 1) is stable for any theta; 3 in its place has too many to count."""
+    loops = [([gain], [1.0, 1.0]) for gain in (0.9, 3.0)]
+    stable, unstable = (
+        count_unstable(dataclasses.replace(scalar_loops([loop], 1e9), dead_time=1e9))[0]
+        for loop in loops
+    )
+    assert (stable, unstable) == (0, INFINITELY_MANY)
 
 
 def test_coupled_loops_count_by_their_determinant() -> None:
