@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.model.blocks import reduce
-from solver.model.frequencies import corners
+from solver.model.controllers import DERIVATIVE_FILTER, Controller
+from solver.model.frequencies import corners, finite_reach
 from solver.model.transfer_function import LARGEST
 from solver.tuning.minimax import Box
 
@@ -47,6 +48,9 @@ class Region:
         The highest that is permitted, rad per time unit.
     given : (m, 2) bool
         Which of the box's lower and upper bounds the user gave.
+    fastest : float
+        Where the search must see the loops end: the highest crossover that the box permits where
+        neither uncertainty nor dead time nor phase limits it, rad per time unit; else 0.
 
     """
 
@@ -54,6 +58,7 @@ class Region:
     starts: Box
     crossover: float
     given: NDArray[np.bool_]
+    fastest: float
 
 
 def gain_signs(plant: Plant, groups: Groups) -> tuple[float, ...]:
@@ -89,6 +94,7 @@ def search_region(specification: Specification, groups: Groups) -> Region:
         for G in reduce(plant, groups).response(within if within.size else permitted)
     )
     low, high, start_low, start_high, given = [], [], [], [], []
+    fastest = 0.0
     for group in groups:
         own_crossover, own_gain = _own_crossover(
             specification, group[0], omega, own_permitted[group[0]]
@@ -112,11 +118,16 @@ def search_region(specification: Specification, groups: Groups) -> Region:
             start_low.append(inner[0])
             start_high.append(inner[1])
             given.append((bounds is not None, bounds is not None))
+        if own_crossover >= omega[-1] / 10:  # nothing limits it
+            lead = 1 / DERIVATIVE_FILTER if "derivative_time" in kind.parameters else 1.0
+            loop = Controller(lead * high[-len(kind.parameters)], None)
+            fastest = max(fastest, *finite_reach(plant, [loop]), 0.0)
     return Region(
         Box(_log_inside(np.array(low), 1), _log_inside(np.array(high), -1)),
         Box(_log_inside(np.array(start_low), 1), _log_inside(np.array(start_high), -1)),
         permitted,
         np.array(given),
+        fastest,
     )
 
 

@@ -56,7 +56,7 @@ def extended(search: GroupingSearch, candidate: Candidate) -> Candidate:
 
 def remarks(search: GroupingSearch, theta: NDArray[np.float64]) -> list[str]:
     """Say which settings are on a bound that the user gave, and which go to infinity or zero."""
-    names = search.objective.kind.parameters
+    names, starts = search.objective.kind.parameters, search.region.starts
     found = []
     for index, edge, given in _edges(search, theta):
         group, name = divmod(index, len(names))
@@ -69,6 +69,9 @@ def remarks(search: GroupingSearch, theta: NDArray[np.float64]) -> list[str]:
             )
             continue
         direction = edge or _endless(search, theta, index)
+        # Where nothing limits the crossover the loops end where the search's frequencies do.
+        if names[name] == "gain" and search.region.fastest and theta[index] > starts.high[index]:
+            direction = "upper"
         if direction:
             where = "infinity" if direction == "upper" else "0"
             meaning = MEANING[names[name], direction]

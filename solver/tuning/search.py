@@ -164,7 +164,8 @@ class GroupingSearch:
         task, plant, blocks = self.specification, case.plant, case.blocks()
         bends = corners(plant, case.uncertainty)
         extra = [resonances(plant), self._turning(plant)]
-        omega = grid(1e-2 * bends[0], 30 * bends[-1], POINTS_PER_DECADE, extra)
+        end = 30 * max(bends[-1], self.region.fastest)
+        omega = grid(1e-2 * bends[0], end, POINTS_PER_DECADE, extra)
         omega = np.concatenate([self._below(blocks, omega[0]), omega, _far(plant, omega[-1])])
         alone, most = None, task.demands.max_sensitivity_alone
         # Of the same plant with loops in manual each loop alone is the same.

@@ -61,6 +61,18 @@ def test_a_kind_with_more_parameters_is_never_worse(process):
             assert tau_p[kind] <= (1 + 1e-6) * tau_p[less]
 
 
+@pytest.mark.parametrize(
+    ("process", "kind"),
+    [((1, 100, 1), ControllerKind.PI), ((1, 1, 2, 1), ControllerKind.PID)],
+)
+def test_where_nothing_limits_the_gain_it_is_said(process, kind):
+    """An error of 20 % at all frequencies, no dead time: any speed is permitted."""
+    plant = ParallelPlant(1, TransferFunction(process[:1], process[1:]), NONE)
+    result = run(plant, kind=kind, uncertainty=Uncertainty.from_error(0.2, 0))
+    assert result.tau_p < 1e-4
+    assert any("gain -> infinity: nothing in plant" in each for each in result.warnings)
+
+
 def test_two_integrations_ask_for_a_derivative():
     """No PI controller holds 1/s^2, and the refusal names the kind that does."""
     twice = ParallelPlant(1, TransferFunction((1,), (1, 0, 0)), NONE)
