@@ -221,8 +221,12 @@ def identify(
     ],
     *,
     time: Annotated[
-        str, typer.Option(metavar="COLUMN", help="Column of the times, by head or number.")
-    ] = "1",
+        str | None,
+        typer.Option(
+            metavar="COLUMN",
+            help="Column of the times, by head or number; else by its name, or the first.",
+        ),
+    ] = None,
     inputs: Annotated[
         str, typer.Option(metavar="NAME,...", help="Columns of the inputs, in the loops' order.")
     ] = "",

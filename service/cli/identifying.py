@@ -13,7 +13,8 @@ from service.analyses.identify.models import IdentificationTask
 from service.cli.outcomes import ExitCode, reported, say
 from service.schemas.parsing import Fault, RequestError
 from service.whole_file import replace_text
-from solver.identification.reading import read_record
+from solver.identification.columns import MOST_SHOWN
+from solver.identification.reading import column_names, read_record
 from solver.identification.record import Record
 from solver.tuning.scenarios import LONGEST_NAME
 
@@ -24,7 +25,7 @@ __all__ = ["Question", "identify_files"]
 class Question:
     """What to identify from the files; the names of the columns are separated by commas."""
 
-    time: str
+    time: str | None
     inputs: str
     outputs: str
     structure: str
@@ -50,8 +51,8 @@ def identify_files(
         BAD_INPUT where the files are at fault; else DONE.
 
     """
-    inputs = _names(question.inputs, "--inputs")
-    outputs = _names(question.outputs, "--outputs")
+    inputs = _names(question.inputs, "--inputs", files[0])
+    outputs = _names(question.outputs, "--outputs", files[0])
 
     def records(paths: list[Path]) -> tuple[Record, ...]:
         return tuple(
@@ -107,7 +108,10 @@ def _digest(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
-def _names(text: str, option: str) -> list[str]:
+def _names(text: str, option: str, file: Path) -> list[str]:
+    if not text:
+        has = ", ".join(column_names(file)[:MOST_SHOWN])
+        raise RequestError((Fault("", f"{option} is missing; the columns of {file.name}: {has}"),))
     names = [name.strip() for name in text.split(",")]
     if not all(names):
         raise RequestError((Fault("", f"{option} {text!r}: a name is empty"),))

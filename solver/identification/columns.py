@@ -10,9 +10,38 @@ from solver.model.errors import InvalidInputError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-__all__ = ["place_of"]
+__all__ = ["MOST_SHOWN", "clock_of", "place_of"]
+
+MOST_SHOWN = 40  # columns that a message lists
 
 _UNIT = re.compile(r"\s*[(\[][^)\]]*[)\]]\s*$")
+
+
+_CLOCKS = {
+    "time", "t", "timestamp", "time stamp", "date", "datetime", "date time", "date/time", "clock",
+    "seconds", "elapsed", "elapsed time", "zeit", "zeitstempel", "uhrzeit", "datum", "temps", "sec",
+}  # fmt: skip
+
+
+def clock_of(heads: Sequence[str], signals: Sequence[int], file: str) -> int:
+    """Return the place of the column of times: by its name, else the first that is no signal.
+
+    Raises
+    ------
+    InvalidInputError
+        Every column is a signal.
+
+    """
+    others = [place for place in range(len(heads)) if place not in signals]
+    named = [
+        place
+        for place in others
+        if _UNIT.sub("", heads[place]).casefold().replace("_", " ").strip() in _CLOCKS
+    ]
+    if not others:
+        message = f"{file} has no column of times beside the signals"
+        raise InvalidInputError(message)
+    return (named or others)[0]
 
 
 def place_of(heads: Sequence[str], wanted: str, file: str) -> int:
@@ -37,6 +66,3 @@ def place_of(heads: Sequence[str], wanted: str, file: str) -> int:
     shown = ", ".join(map(repr, heads[:MOST_SHOWN])) + (", ..." if len(heads) > MOST_SHOWN else "")
     message = f"{file} has no column {wanted!r}; it has {shown}"
     raise InvalidInputError(message)
-
-
-MOST_SHOWN = 40

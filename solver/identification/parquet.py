@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from solver.identification.columns import place_of
+from solver.identification.columns import clock_of, place_of
 from solver.model.errors import InvalidInputError
 
 if TYPE_CHECKING:
@@ -15,18 +15,16 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-__all__ = ["read_columns"]
+__all__ = ["heads_of", "read_columns"]
 
 
-def read_columns(
-    path: Path, time: str, signals: Sequence[str]
-) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float64]]]:
-    """Return times and the named signals; nulls are NaN, time stamps seconds from the first.
+def heads_of(path: Path) -> list[str]:
+    """Return the names of the columns.
 
     Raises
     ------
     InvalidInputError
-        pyarrow is missing, the file is no Parquet, a column is not there, twice, or no numbers.
+        pyarrow is missing, or the file is no Parquet.
 
     """
     try:
@@ -36,18 +34,45 @@ def read_columns(
         message = 'Parquet needs pyarrow: pip install "mutune[parquet]"'
         raise InvalidInputError(message) from None
     try:
-        heads = pq.read_schema(path).names
-        places = {name: place_of(heads, name, path.name) for name in (time, *signals)}
-        # By place: two columns of one name are one to pyarrow.
-        table = pq.ParquetFile(path).read(columns=[heads[p] for p in places.values()])
+        return list(pq.read_schema(path).names)
     except pa.ArrowException as error:
         message = f"{path.name}: {error}"
         raise InvalidInputError(message) from None
-    values = {
-        name: _numbers(table.column(heads[place]), path.name, name, stamps=name == time)
+
+
+def read_columns(
+    path: Path, time: str | None, signals: Sequence[str]
+) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float64]]]:
+    """Return times and the named signals; nulls are NaN, time stamps seconds from the first.
+
+    Raises
+    ------
+    InvalidInputError
+        pyarrow is missing, the file is no Parquet, a column is not there, twice, or no numbers.
+
+    """
+    heads = heads_of(path)
+    import pyarrow as pa  # noqa: PLC0415 - an extra, and it is there
+    import pyarrow.parquet as pq  # noqa: PLC0415
+
+    places = {name: place_of(heads, name, path.name) for name in signals}
+    clock = (
+        clock_of(heads, list(places.values()), path.name)
+        if time is None
+        else place_of(heads, time, path.name)
+    )
+    # By place: two columns of one name are one to pyarrow.
+    wanted = [heads[place] for place in (clock, *places.values())]
+    try:
+        table = pq.ParquetFile(path).read(columns=wanted)
+    except pa.ArrowException as error:
+        message = f"{path.name}: {error}"
+        raise InvalidInputError(message) from None
+    times = _numbers(table.column(heads[clock]), path.name, heads[clock], stamps=True)
+    return times, {
+        name: _numbers(table.column(heads[place]), path.name, name, stamps=False)
         for name, place in places.items()
     }
-    return values[time], {name: values[name] for name in signals}
 
 
 def _numbers(column: Any, file: str, name: str, *, stamps: bool) -> NDArray[np.float64]:  # noqa: ANN401 - pyarrow has no types

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solver.identification.colour import colour_of
 from solver.identification.elements import Element, ElementKind
 from solver.identification.fitting import fit, split, without_spikes
 from solver.identification.noise import Covariance, covariance
 from solver.identification.row import Row
 from solver.identification.selection import begin, select
+from solver.identification.weighting import coloured, levelled
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -27,8 +27,6 @@ __all__ = ["RowFit", "fit_row", "refit_row"]
 
 # The form of an element shows in a thousand readings or in none; trials are made on so many.
 TRIED = 1500
-# Below this ratio the noise of a segment is that of its neighbours, whatever the estimate says.
-QUIETEST = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,7 +152,7 @@ def refit_row(
 ) -> RowFit:
     """Return the fit of given forms, from given shapes on; spikes, levels and colours anew."""
     solved = fit(row, kinds, shapes, limits)
-    cleaned = _levelled(without_spikes(row, solved), solved)
+    cleaned = levelled(without_spikes(row, solved), solved)
     if any(
         not np.array_equal(a.weight, b.weight)
         for a, b in zip(row.segments, cleaned.segments, strict=True)
@@ -162,14 +160,14 @@ def refit_row(
         row = cleaned
         solved = fit(row, kinds, solved.shapes, limits)
     solved = _rescanned(row, solved, limits)
-    coloured = _coloured(row, solved)
-    if coloured is None:
+    weighted = coloured(row, solved)
+    if weighted is None:
         return RowFit(row, solved, covariance(row, solved, limits), limits)
-    solved = _rescanned(coloured, fit(coloured, kinds, solved.shapes, limits), limits)
+    solved = _rescanned(weighted, fit(weighted, kinds, solved.shapes, limits), limits)
     # The colour is told too poorly to trust what the weighted fit says of its own errors; those of
     # the plain fit are larger and ask for no colour's memory.
     plain = covariance(row, row.solve(kinds, solved.shapes), limits)
-    return RowFit(coloured, solved, plain, limits)
+    return RowFit(weighted, solved, plain, limits)
 
 
 def _first_look(row: Row, limits: TimeLimits) -> Row:
@@ -181,48 +179,6 @@ def _first_look(row: Row, limits: TimeLimits) -> Row:
 def _thinned(row: Row) -> Row:
     step = max(row.readings // TRIED, 1)
     return Row(tuple(segment.thinned(step) for segment in row.segments), row.nuisance)
-
-
-def _levelled(row: Row, solved: Solved) -> Row:
-    """Return the row with each segment weighted by its own residual."""
-    if len(row.segments) == 1:
-        return row
-    own = row.own_parts(solved)
-    levels = []
-    for segment, block, part in zip(row.segments, solved.blocks, own, strict=True):
-        left = (segment.output - block @ solved.gains - part)[segment.weight > 0]
-        levels.append(float(np.sqrt(np.mean(left**2))) if left.size else 0.0)
-    typical = float(np.median(levels)) or 1.0
-    return replace(
-        row,
-        segments=tuple(
-            replace(segment, weight=(segment.weight > 0) / max(level / typical, QUIETEST))
-            for segment, level in zip(row.segments, levels, strict=True)
-        ),
-    )
-
-
-def _coloured(row: Row, solved: Solved) -> Row | None:
-    """Return the row with each segment weighted by the colour of its residual, if any has one."""
-    own = row.own_parts(solved)
-    segments, levels = [], []
-    for segment, block, part in zip(row.segments, solved.blocks, own, strict=True):
-        seen = segment.weight > 0
-        left = segment.output - block @ solved.gains - part
-        colour = colour_of(segment.time, seen, left)
-        white = left if colour is None else colour.whitened(segment.time, seen, left)
-        levels.append(float(np.sqrt(np.mean(white[seen] ** 2))) if np.any(seen) else 0.0)
-        segments.append(replace(segment, colour=colour))
-    if all(segment.colour is None for segment in segments):
-        return None
-    typical = float(np.median(levels)) or 1.0
-    return replace(
-        row,
-        segments=tuple(
-            replace(segment, weight=(segment.weight > 0) / max(level / typical, QUIETEST))
-            for segment, level in zip(segments, levels, strict=True)
-        ),
-    )
 
 
 def _rescanned(row: Row, solved: Solved, limits: TimeLimits) -> Solved:

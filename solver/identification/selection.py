@@ -3,7 +3,8 @@
 The record is cut into blocks; each quarter of them is predicted by what the others tell. A richer
 form is taken only if it predicts better by more than the standard error of the difference over the
 blocks (Breiman, Friedman, Olshen and Stone 1984, section 3.4.3), half as much again since blocks of
-one record are not quite independent.
+one record are not quite independent; of rare forms by two and a half. Readings weighted by the
+colour of the simple form's residual must ask for it too.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from solver.identification.fitting import fit
 from solver.identification.noise import covariance
 from solver.identification.row import Row
 from solver.identification.start import scan
+from solver.identification.weighting import coloured
 from solver.model.errors import InvalidInputError
 from solver.model.validation import flag, integer, settle
 
@@ -39,10 +41,18 @@ FEW_STEPS = 12
 WORTH = 0.02
 ERRORS = 1.5  # standard errors: between the one of the rule and two
 
+# The same of forms that are rare in plants, and predict badly where they are chosen wrongly.
+RARE = 2.5
+
 _NEXT = {
-    ElementKind.FIRST: (ElementKind.SECOND, ElementKind.SECOND_ZERO, ElementKind.INTEGRATOR),
-    ElementKind.SECOND: (ElementKind.SECOND_ZERO, ElementKind.RESONANT),
+    ElementKind.FIRST: (ElementKind.SECOND, ElementKind.INTEGRATOR),
+    ElementKind.SECOND: (ElementKind.INTEGRATOR_LAG,),
     ElementKind.INTEGRATOR: (ElementKind.INTEGRATOR_LAG,),
+}
+# Tried where none of the others is better.
+_LAST = {
+    ElementKind.FIRST: (ElementKind.SECOND_ZERO, ElementKind.RESONANT),
+    ElementKind.SECOND: (ElementKind.SECOND_ZERO, ElementKind.RESONANT),
     ElementKind.INTEGRATOR_LAG: (ElementKind.INTEGRATOR_ZERO,),
 }
 
@@ -78,10 +88,10 @@ class Allowed:
             return ElementKind.INTEGRATOR if self.order in {None, 1} else ElementKind.INTEGRATOR_LAG
         return ElementKind.SECOND if self.order == 2 else ElementKind.FIRST
 
-    def richer(self, kind: ElementKind) -> list[ElementKind]:
+    def richer(self, kind: ElementKind, *, last: bool) -> list[ElementKind]:
         """Return the forms to try after `kind`."""
         found = []
-        for other in _NEXT.get(kind, ()):
+        for other in (_LAST if last else _NEXT).get(kind, ()):
             if other.integrating and not kind.integrating:
                 if self.integrating is None:
                     found.append(other)
@@ -120,24 +130,30 @@ def select(row: Row, allowed: Allowed, limits: TimeLimits) -> tuple[Solved, tupl
     best = begin(row, [allowed.simplest()] * row.inputs, limits)
     score = kept_back(row, best, limits)
     refused: set[tuple[int, ElementKind]] = set()
+    last = False
     while True:
         found = None
         for index, kind in enumerate(best.kinds):
-            for other in allowed.richer(kind):
+            for other in allowed.richer(kind, last=last):
                 if (index, other) in refused:
                     continue
                 trial = _richer(row, best, index, other, limits)
                 value = kept_back(row, trial, limits)
                 if not (
-                    _better(score, value, fewer=other.size <= kind.size)
+                    _better(score, value, fewer=other.size <= kind.size, rare=_rare(kind, other))
                     and _zero_is_told(row, trial, index, limits)
+                    and _likelier(row, best, trial, limits)
                 ):
                     refused.add((index, other))
                 elif found is None or value.sum() < found[1].sum():
                     found = (trial, value)
-        if found is None:
+        if found is not None:
+            best, score = found
+            last = False
+        elif last:
             break
-        best, score = found
+        else:
+            last = True
     return _without_unseen(row, best, score, limits)
 
 
@@ -150,6 +166,19 @@ def _zero_is_told(row: Row, trial: Solved, index: int, limits: TimeLimits) -> bo
     shapes = sum(len(shape) for shape in trial.shapes)
     error = float(told.matrix[shapes + place, shapes + place]) ** 0.5
     return bool(abs(trial.gains[place]) > told.quantile * error)
+
+
+def _likelier(row: Row, simple: Solved, rich: Solved, limits: TimeLimits) -> bool:
+    """Whether readings weighted by the simple fit's colour ask for the rich form (Schwarz).
+
+    A slow disturbance looks alike in neighbouring blocks, so a form that follows it predicts them;
+    weighted by its colour, it hardly counts.
+    """
+    row = coloured(row, simple) or row
+    costs = [fit(row, one.kinds, one.shapes, limits).cost for one in (simple, rich)]
+    more = sum(kind.size for kind in rich.kinds) - sum(kind.size for kind in simple.kinds)
+    count = row.readings
+    return costs[1] <= 0 or count * math.log(costs[0] / costs[1]) > max(more, 1) * math.log(count)
 
 
 def _without_unseen(
@@ -210,11 +239,19 @@ def kept_back(row: Row, solved: Solved, limits: TimeLimits) -> NDArray[np.float6
     return errors
 
 
-def _better(simple: NDArray[np.float64], rich: NDArray[np.float64], *, fewer: bool) -> bool:
+def _rare(simple: ElementKind, rich: ElementKind) -> bool:
+    return rich not in {ElementKind.FIRST, ElementKind.SECOND} and not (
+        rich is ElementKind.INTEGRATOR_LAG and simple is ElementKind.INTEGRATOR
+    )
+
+
+def _better(
+    simple: NDArray[np.float64], rich: NDArray[np.float64], *, fewer: bool, rare: bool = False
+) -> bool:
     gain = simple - rich
     spread = float(np.std(gain, ddof=1)) * math.sqrt(gain.size)
-    threshold = max(ERRORS * spread, 0.0 if fewer else WORTH * float(simple.sum()))
-    return float(gain.sum()) > threshold
+    least = 0.0 if fewer else WORTH * float(simple.sum())
+    return float(gain.sum()) > max((RARE if rare else ERRORS) * spread, least)
 
 
 def _richer(row: Row, solved: Solved, index: int, kind: ElementKind, limits: TimeLimits) -> Solved:
@@ -223,6 +260,10 @@ def _richer(row: Row, solved: Solved, index: int, kind: ElementKind, limits: Tim
     kinds = [*solved.kinds[:index], kind, *solved.kinds[index + 1 :]]
     if old is ElementKind.FIRST and kind is ElementKind.INTEGRATOR:
         options = [(shape[-1],), (0.0,)]
+    elif old is ElementKind.SECOND and kind is ElementKind.INTEGRATOR_LAG:
+        second = math.exp(shape[0]) * shape[1] / 4
+        options = [(math.log(max(second, limits.shortest)), shape[-1]),
+                   (math.log(limits.sample), shape[-1])]  # fmt: skip
     elif old is ElementKind.FIRST:
         options = [_shape(kind, shape[0], shape[1], share) for share in (0.0, 0.5, 1.0)]
     elif old is ElementKind.INTEGRATOR:

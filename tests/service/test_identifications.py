@@ -20,7 +20,7 @@ PATH = "/v1/identifications"
 EXAMPLES = Path(__file__).parents[2] / "examples"
 WAIT = {"Prefer": "wait=60"}
 HEATERS = (
-    "--time", "Time", "--inputs", "Heater 1,Heater 2", "--outputs", "Temperature 1,Temperature 2",
+    "--inputs", "Heater 1,Heater 2", "--outputs", "Temperature 1,Temperature 2",
 )  # fmt: skip
 
 
@@ -136,8 +136,9 @@ def test_identical_units_from_a_file() -> None:
     ("arguments", "words"),
     [
         ((*HEATERS[:-1], "Temperature 3,Temperature 1"), "no column 'Temperature 3'"),
-        (HEATERS[:2], "--inputs '': a name is empty"),
-        (("--time", "Heater 1", *HEATERS[2:]), "is named twice"),
+        (("--inputs", "Heater 1,", *HEATERS[2:]), "--inputs 'Heater 1,': a name is empty"),
+        (("--time", "Heater 1", *HEATERS), "is named twice"),
+        ((), "--inputs is missing; the columns of two_heaters_steps.csv: Time (s), Heater 1"),
     ],
 )
 def test_wrong_columns_are_bad_input(arguments: tuple[str, ...], words: str) -> None:

@@ -49,6 +49,19 @@ def text(delimiter=",", decimal=".", heads=("t", "u", "y"), form="{}"):
             "tuy",
         ),
         (text(form="2026-03-01 12:00:{:02d}+02:00"), "utf-8", "tuy"),
+        (text(form="2026-03-01 12:00:{:02d}.000 UTC"), "utf-8", "tuy"),
+        (text(form="29/03/2026 12:00:{:02d}"), "utf-8", "tuy"),
+        (text(form="3/1/2026 1:45:{:02d} PM"), "utf-8", "tuy"),
+        (text(";", form="29,03,26 12:00:{:02d}").replace("29,03,26", "29.03.26"), "utf-8", "tuy"),
+        (text(form="29-Mar-26 12:00:{:02d}"), "utf-8", "tuy"),
+        (text(form="202603011200{:02d}"), "utf-8", "tuy"),
+        (text(form="17743200000{:02d}"), "utf-8", "tuy"),
+        (text(" "), "utf-8", "tuy"),
+        (text("   ", ","), "utf-8", "tuy"),
+        ("sep=;\n" + text(";"), "utf-8", "tuy"),
+        ("Plant Alpha;Export\nCreated;today\n" + text(";", ","), "utf-8", "tuy"),
+        (text().replace("\n5,", "\n5,0.0,21.25\n5,"), "utf-8", "tuy"),
+        ("\n".join(text().splitlines()[:1] + text().splitlines()[:0:-1]), "utf-8", "tuy"),
     ],
 )
 def test_every_form_is_the_same_record(tmp_path, content, encoding, names):
@@ -60,6 +73,59 @@ def test_every_form_is_the_same_record(tmp_path, content, encoding, names):
     assert record.inputs[u] == pytest.approx([row[1] for row in ROWS])
     assert record.outputs[y] == pytest.approx([row[2] for row in ROWS])
     assert record.name == "log"
+
+
+@pytest.mark.parametrize(
+    ("delimiter", "cells", "values"),
+    [
+        (";", ("1.200,50", "1.200", "-12.001.200"), (1200.5, 1200, -12001200)),
+        (";", ("1.200", "0.85"), (1.2, 0.85)),
+        (";", ("1,200", "0,85"), (1.2, 0.85)),
+        (",", ('"1,200.50"', '"1,200"'), (1200.5, 1200)),
+        (",", ('"12,5"', '"0,85"'), (12.5, 0.85)),
+        (";", ("1'200.5", "1\u202f200", "\u22121 200"), (1200.5, 1200, -1200)),
+        (";", ("1200,5", "#DIV/0!", "Bad Input"), (1200.5, np.nan, np.nan)),
+    ],
+)
+def test_thousands_and_decimals_are_told_by_the_whole_column(tmp_path, delimiter, cells, values):
+    """A point or comma before three digits means what the others say."""
+    lines = [delimiter.join(("t", "u", "y"))]
+    lines += [delimiter.join((str(k), str(k % 7), cells[k % len(cells)])) for k in range(66)]
+    path = written(tmp_path, "\n".join(lines))
+    record = read_record(path, inputs=["u"], outputs=["y"])
+    assert record.outputs["y"][: len(values)] == pytest.approx(values, nan_ok=True)
+
+
+def test_what_may_be_either_is_refused(tmp_path):
+    """Thousands or decimals between commas; day or month where it matters."""
+    lines = ["t,u,y", *(f'{k},{k % 7},"{k},{k:03}"' for k in range(1, 30))]
+    path = written(tmp_path, "\n".join(lines))
+    with pytest.raises(InvalidInputError, match=r"line 2, column 'y': '1,001' is no number where"):
+        read_record(path, inputs=["u"], outputs=["y"])
+    stamps = [f"0{k // 4 + 1}/0{k // 4 + 4}/2026 {k % 4}:00" for k in range(24)]
+    lines = ["t,u,y", *(f"{stamp},{k},{k}" for k, stamp in enumerate(stamps))]
+    path = written(tmp_path, "\n".join(lines))
+    with pytest.raises(InvalidInputError, match="day or month first"):
+        read_record(path, inputs=["u"], outputs=["y"])
+
+
+def test_column_of_times_is_found(tmp_path):
+    """By its name, else it is the first that is no signal."""
+    for heads in (("Time (s)", "u", "y"), ("no", "u", "y", "Timestamp"), ("k", "u", "y")):
+        rows = [f"{k},{k % 7},{k % 5},{2 * k}" for k in range(40)]
+        lines = [",".join(heads), *(row.rsplit(",", 4 - len(heads))[0] for row in rows)]
+        found = read_record(written(tmp_path, "\n".join(lines)), inputs=["u"], outputs=["y"])
+        assert found.sampling_period == (2.0 if "Timestamp" in heads else 1.0)
+
+
+def test_samples_before_every_input_is_known_are_left_out(tmp_path):
+    """A few; a record whose half is without an input is refused."""
+    lines = ["t,u,y", *(f"{k},{k % 7 if k > 2 else ''},{k % 5}" for k in range(40))]
+    found = read_record(written(tmp_path, "\n".join(lines)), inputs=["u"], outputs=["y"])
+    assert found.time[0] == 3.0
+    lines = ["t,u,y", *(f"{k},{k % 7 if k > 20 else ''},{k % 5}" for k in range(40))]
+    with pytest.raises(InvalidInputError, match="line 2, column 'u': the first reading"):
+        read_record(written(tmp_path, "\n".join(lines)), inputs=["u"], outputs=["y"])
 
 
 def test_times_of_the_day_pass_midnight(tmp_path):
@@ -149,7 +215,7 @@ def test_parquet_is_read_as_text_is(tmp_path):
         (pa.table({"t": t, "u": ["a"] * 40, "y": y}), "column 'u': string is no number"),
         (pa.table([t, u, u, y], names=["t", "u", "u", "y"]), "'u' names the columns 2, 3"),
         (pa.table({"t": t, "y": y}), "no column 'u'"),
-        (pa.table({"t": t[::-1].copy(), "u": u, "y": y}), "row 2: time goes backwards"),
+        (pa.table({"t": np.roll(t, 1), "u": u, "y": y}), "row 2: time goes backwards"),
     ):
         pq.write_table(table, path)
         with pytest.raises(InvalidInputError, match=words):

@@ -101,6 +101,16 @@ def test_each_record_of_the_two_heaters_predicts_the_other(used, other):
     assert found.begins == (Start.HELD if used == "steps" else Start.FROM_ZERO,)
 
 
+def test_record_with_few_samples_is_not_read_for_rare_forms():
+    """Every fifth sample of the steps predicts the other record as all of them do, with lags."""
+    every = heaters("steps")
+    few = Record(every.time[::5], *({name: values[::5] for name, values in signals.items()}
+                                    for signals in (every.inputs, every.outputs)))  # fmt: skip
+    found = identify([few], validation=[heaters("random")])
+    assert min(p.normalised_fit for p in found.predictions if p.kept_back) > 80
+    assert {e.element.kind for e in found.elements} <= {ElementKind.FIRST, ElementKind.SECOND}
+
+
 def test_two_heaters_are_not_identical_units():
     """One heater is stronger than the other, and the record shows it."""
     found = identify([heaters("steps")], structure=PlantStructure.PARALLEL)
