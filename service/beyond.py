@@ -143,7 +143,7 @@ def _verdict(document: dict[str, Any], objective: str, reason: str | None) -> st
         else "No single loops were found that meet the demand"
     ]  # fmt: skip
     if between:
-        parts.append(f"in between lie {between}")
+        parts.append(f"structures in between reach {between}")
     bound = document["lower_bound"]["value"]
     below = [f"nothing linear can go below {number(bound)}"] if bound else []
     if document["limit"] is None:

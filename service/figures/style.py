@@ -16,6 +16,7 @@ from typing import Any
 import plotly.graph_objects as go
 
 from service.schemas.complex import Complex
+from service.wording import TIME_UNIT
 
 __all__ = [
     "BACKGROUNDS",
@@ -84,7 +85,7 @@ def frequency_title(unit: str) -> str:
 
 def time_title(unit: str) -> str:
     """Return the title of a time axis."""
-    return f"time ({unit})"
+    return "time" if unit == TIME_UNIT else f"time ({unit})"
 
 
 def magnitude(value: Complex) -> float | None:

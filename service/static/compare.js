@@ -2,8 +2,8 @@
 
 import { request } from "./api.js";
 import { button, h, help, lead, put, table } from "./dom.js";
-import { drawFigures, waiting } from "./figures.js";
-import { clock, label, number, setTimeUnit } from "./format.js";
+import { drawFigures, inUnit, waiting } from "./figures.js";
+import { clock, label, number, rangesOf, setTimeUnit, timeUnit, unitText } from "./format.js";
 import { summaryOf } from "./summary.js";
 import { rescaled, unitOfJob, unitsIn } from "./units.js";
 
@@ -26,12 +26,33 @@ const essence = ({ tau_p, peaks, comparison, loops, groups }) => ({
       loops[groups[i][0]] ?? {}])),
 });
 
-/** Rows in which the sides are told, one a value. @param {any[]} sides @param {(cells: string[]) => boolean} matters */
+const PLACE = /\/(\d+)(?=\/|$)/; // of one in a list, counted from 0
+
+/**
+ * Rows in which the sides are told, one a value; those that are alike for several of a list are one.
+ * @param {any[]} sides @param {(cells: string[]) => boolean} matters
+ */
 function lines(sides, matters) {
   const maps = sides.map((side) => new Map(flat(side)));
-  return [...new Set(maps.flatMap((map) => [...map.keys()]))]
-    .map((at) => [at.split("/").slice(1).map(label).join(" › "), ...maps.map((map) => map.get(at) ?? "–")])
-    .filter(([, ...cells]) => matters(cells));
+  const rows = /** @type {Map<string, {at: string, cells: string[], places: number[]}>} */ (new Map());
+  for (const at of new Set(maps.flatMap((map) => [...map.keys()]))) {
+    const cells = maps.map((map) => map.get(at) ?? "–");
+    if (!matters(cells)) continue;
+    const key = [at.replace(PLACE, "/*"), ...cells].join("\n");
+    const row = rows.get(key) ?? { at, cells, places: [] };
+    rows.set(key, row);
+    row.places.push(Number(PLACE.exec(at)?.[1] ?? 0));
+  }
+  const named = (part, places) => (/^\d+$/.test(part) ? rangesOf(places) : label(part));
+  return [...rows.values()].map(({ at, cells, places }) => {
+    let first = true; // further places, of coefficients and columns, are not taken together
+    const parts = at.split("/").slice(1).map((part) => {
+      const own = first && /^\d+$/.test(part) ? places : [Number(part)];
+      first &&= !/^\d+$/.test(part);
+      return named(part, own);
+    });
+    return [parts.join(" › "), ...cells];
+  });
 }
 
 /** @param {View} view @param {URLSearchParams} query */
@@ -54,11 +75,11 @@ export async function compareView({ main, signal, go }, query) {
   if (!ids.length) return;
   const jobs = await Promise.all(ids.map((id) => request("GET", `/v1/tunings/${id}`, { signal })));
   const own = unitOfJob(jobs[0]);
-  setTimeUnit(own ?? "time units");
+  setTimeUnit(own ?? "");
   const found = jobs.map((job) => unitsIn(unitOfJob(job), own));
   const factors = found.map((factor) => (Number.isNaN(factor) ? 1 : factor));
   const told = found.some(Number.isNaN) ? "The unit of time of one is not known: its times are compared as they stand."
-    : `Times are in ${own ?? "time units"}.`;
+    : `Times are in ${timeUnit()}.`;
   const heads = jobs.map((job, i) => h("span", {},
     h("a", { href: `#/tunings/${job.id}` }, `${LETTERS[i]}: ${summaryOf(job).title}`), " ",
     closing(`Leave out ${LETTERS[i]}`, () => open(ids.filter((one) => one !== job.id)))));
@@ -73,9 +94,24 @@ export async function compareView({ main, signal, go }, query) {
       ? table("Where the requests differ", ["", ...jobs.map((_, i) => LETTERS[i])], differing)
       : h("p", {}, "The requests are the same.")), figures);
   const sheets = await Promise.all(jobs.map(({ id, result }) => result?.loops.length
-    ? request("GET", `/v1/tunings/${id}/sheet?unit=${encodeURIComponent(own ?? "time units")}`, { signal }) : null));
-  await drawFigures(figures, overlaid(jobs, sheets, factors, own ?? "time units"), "mutune-comparison");
+    ? request("GET", inUnit(`/v1/tunings/${id}/sheet`), { signal }) : null));
+  await drawFigures(figures, overlaid(jobs, sheets, factors, found.some(Number.isNaN)), "mutune-comparison");
   figures.removeAttribute("aria-busy");
+}
+
+/**
+ * The layout with no unit at an axis that carries several.
+ * @param {any} layout @param {any[]} sheets @param {string} name of the figure @param {boolean} mixed
+ */
+function withoutUnits(layout, sheets, name, mixed) {
+  const others = sheets.flatMap((sheet) => sheet?.figures.figures[name]?.layout ?? []);
+  const axes = Object.keys(layout).filter((key) => /^[xy]axis/.test(key) && layout[key].title?.text);
+  const stripped = axes.filter((key) => (mixed && key.startsWith("x"))
+    || others.some((other) => other[key]?.title?.text !== layout[key].title.text));
+  return { ...layout, ...Object.fromEntries(stripped.map((key) => {
+    const text = layout[key].title.text.replace(/(<br>| )\(.*/, "");
+    return [key, { ...layout[key], title: { ...layout[key].title, text } }];
+  })) };
 }
 
 /** @param {string} name @param {() => void} close */
@@ -87,9 +123,10 @@ function closing(name, close) {
 
 /**
  * The responses of all runs in one figure each, and their curves of mu: a colour a run, a dash a loop.
- * @param {any[]} jobs @param {any[]} sheets @param {number[]} factors @param {string} unit @returns {Figures}
+ * @param {any[]} jobs @param {any[]} sheets @param {number[]} factors
+ * @param {boolean} mixed whether the unit of time of one is not known @returns {Figures}
  */
-function overlaid(jobs, sheets, factors, unit) {
+function overlaid(jobs, sheets, factors, mixed) {
   const first = sheets.find(Boolean);
   if (!first) return { templates: { light: {}, dark: {} }, figures: {}, omitted: {} };
   const { templates } = first.figures;
@@ -106,14 +143,15 @@ function overlaid(jobs, sheets, factors, unit) {
         line: { ...trace.line, color: colour(i), dash: DASHES[loops.indexOf(trace.name) % DASHES.length] } }));
     });
     const meta = { ...layout.meta, description: "A colour a tuning, a dash a loop; outputs above, inputs below." };
-    figures[name] = { data, layout: { ...layout, meta } };
+    figures[name] = { data, layout: { ...withoutUnits(layout, sheets, name, mixed), meta } };
   }
   const data = jobs.flatMap(({ result }, i) => (result?.curves ? [{ type: "scatter", mode: "lines",
     name: LETTERS[i], x: result.curves.omega.map((omega) => omega / factors[i]), y: result.curves.robust_performance,
     line: { color: colour(i), dash: DASHES[i % DASHES.length], width: 2 } }] : []));
   figures.mu = { data, layout: { height: 420,
     meta: { title: "μ of robust performance", description: "At most 1: the demand of that tuning holds." },
-    xaxis: { type: "log", title: { text: `frequency ω (rad/${unit})` }, exponentformat: "power" },
+    xaxis: { type: "log", title: { text: mixed ? "frequency ω" : `frequency ω (${unitText("rad/time")})` },
+      exponentformat: "power" },
     yaxis: { title: { text: "μ (1)" }, rangemode: "tozero" } } };
   return { templates, figures, omitted: {} };
 }

@@ -4,7 +4,7 @@ import { request } from "./api.js";
 import { button, card, copy, csv, download, h, help, put, table } from "./dom.js";
 import { segments } from "./fields.js";
 import { figuresOf, showFigures, waiting } from "./figures.js";
-import { duration, label, number, plain, sentence, timeUnit, unitText } from "./format.js";
+import { duration, label, number, plain, rangesOf, sentence, timed, timeUnit, unitText } from "./format.js";
 import { operation, resolve } from "./schema.js";
 
 const FORMS = ["cascade", "ideal", "parallel"];
@@ -36,17 +36,8 @@ const peaks = (found) => h("section", { class: "card peaks" }, h("h2", {}, "Peak
       h("span", { class: "help" }, `at ${number(omega, 3)} ${unitText("rad/time")}`))),
   help("At most 1: the demand holds for every plant within the uncertainty."));
 
-/** Loops that share settings, as ranges: 1–3, 5. @param {number[]} group */
-function loopsOf(group) {
-  const ranges = [];
-  for (let i = 0; i < group.length; ) {
-    let end = i;
-    while (group[end + 1] === group[end] + 1) end++;
-    ranges.push(end > i ? `${group[i] + 1}–${group[end] + 1}` : group[i] + 1);
-    i = end + 1;
-  }
-  return `${group.length > 1 ? "Loops" : "Loop"} ${ranges.join(", ")}`;
-}
+/** Loops that share settings. @param {number[]} group */
+const loopsOf = (group) => `${group.length > 1 ? "Loops" : "Loop"} ${rangesOf(group)}`;
 
 /** How far settings may be moved. @param {any} result */
 function ranges({ settings_tolerance: near, groups, resolution: price }) {
@@ -56,7 +47,7 @@ function ranges({ settings_tolerance: near, groups, resolution: price }) {
     price && h("p", {},
       `As typed in τₚ is ${number(price.tau_p_rounded)}; with any digits ${number(price.tau_p_exact)}.`),
     table("Ranges of the settings", ["", "from", "now", "to"], rows),
-    help(`Each alone, before μ exceeds ${number(near.mu)} at τₚ = ${number(near.tau_p)} ${timeUnit()}.`));
+    help(`Each alone, before μ exceeds ${number(near.mu)} at τₚ = ${timed(near.tau_p)}.`));
 }
 
 /** Today's settings beside these. @param {any} result */

@@ -2,7 +2,7 @@
 
 import { request } from "./api.js";
 import { h, help, put } from "./dom.js";
-import { label, timeUnit } from "./format.js";
+import { label, namedUnit, timeUnit } from "./format.js";
 
 const LEGEND = 30; // pixels: room for a legend of one line, which the figures come with
 
@@ -45,7 +45,7 @@ function loadPlotly() {
 }
 
 /** The path that asks for texts in the user's unit. @param {string} path */
-export const inUnit = (path) => (timeUnit() === "time units" ? path : `${path}?unit=${encodeURIComponent(timeUnit())}`);
+export const inUnit = (path) => (namedUnit() ? `${path}?unit=${encodeURIComponent(timeUnit())}` : path);
 
 /** The figures of a tuning. @param {string} id @returns {Promise<Figures>} */
 export const figuresOf = (id) => request("GET", inUnit(`/v1/tunings/${id}/figures`));

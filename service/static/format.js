@@ -44,6 +44,18 @@ export function number(value, digits = 4) {
 
 const minus = (value) => String(value).replace("-", "−");
 
+/** Places in a list, given from 0, counted from 1, as ranges: 1–3, 5. @param {number[]} places ascending */
+export function rangesOf(places) {
+  const ranges = [];
+  for (let i = 0; i < places.length; ) {
+    let end = i;
+    while (places[end + 1] === places[end] + 1) end++;
+    ranges.push(end > i ? `${places[i] + 1}–${places[end] + 1}` : places[i] + 1);
+    i = end + 1;
+  }
+  return ranges.join(", ");
+}
+
 /** @param {string | null} text one that may lack its capital and its full stop */
 export const sentence = (text) => (text ?? "").replace(/^./, (first) => first.toUpperCase()).replace(/[^.]$/, "$&.");
 
@@ -54,6 +66,8 @@ const PLAIN = [
   [/\bmu\b/g, "μ"], [/τP/g, "τₚ"], [/\beps\b/g, "ε"], [/Delta_/g, "Δ_"],
   [/(?<![A-Za-z])([wMKΔ])_(i0|[OIstu])\b/g, "$1$2"],
   [/; null: ?/g, ". Empty: "], [/\bnull: ?/g, "Empty: "], [/\bnull\b/g, "empty"], [/\(?from 0\)?/g, "counted from 1"],
+  [/\(mutune tune\)/g, "(Tune)"], [/\(mutune limit\)/g, "(Tune, with the limit asked for under Search)"],
+  [/: ask `mutune limit`/g, ""], [/ \(mutune identify\)/g, " (From a record)"], [/: mutune parallel-drives/g, ""],
   [/\bperformance\./g, ""], [/(?<=[a-z])_(?=[a-z])/g, " "],
 ];
 
@@ -72,13 +86,21 @@ export const duration = (seconds) =>
 /* The unit of time is the user's own, and no part of a request: it is a matter of labels. */
 
 const KNOWN = "mutune.units";
+const NAMELESS = "time units";
 let time = "min";
 
 export const timeUnit = () => time;
 
+/** A time with its unit. @param {number | null | undefined} value @param {number} [digits] */
+export const timed = (value, digits) => `${number(value, digits)} ${value === 1 && time === NAMELESS
+  ? NAMELESS.slice(0, -1) : time}`;
+
+/** The unit of time, or null where it has no name. */
+export const namedUnit = () => (time === NAMELESS ? null : time);
+
 /** @param {string} unit */
 export function setTimeUnit(unit) {
-  time = unit.trim() || "time units";
+  time = unit.trim() || NAMELESS;
   for (const node of document.querySelectorAll("[data-unit]")) {
     node.textContent = unitText(/** @type {HTMLElement} */ (node).dataset.unit);
   }
@@ -98,7 +120,7 @@ export function rememberUnit(id) {
 
 /** @param {string} [kind] `x-unit` of the schema @returns {string} */
 export const unitText = (kind = "") => {
-  const rate = `rad/${time.replace(/^time units$/, "time unit")}`;
+  const rate = `rad/${namedUnit() ?? "time unit"}`;
   return { time, "rad/time": rate, gain: "", 1: "", "powers of time": "" }[kind] ?? kind;
 };
 

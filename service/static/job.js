@@ -17,7 +17,7 @@ const MEANING = /** @type {Record<string, string>} */ ({
 
 /** @param {View} view @param {string} id @param {URLSearchParams} query */
 export async function jobView({ main, signal, keep }, id, query) {
-  setTimeUnit(query.get("unit") ?? unitOf(id) ?? "time units");
+  setTimeUnit(query.get("unit") ?? unitOf(id) ?? "");
   const job = await request("GET", `/v1/tunings/${id}`, { signal });
   if (job.request.time_unit) setTimeUnit(job.request.time_unit);
   const { title, aim } = summaryOf(job);

@@ -20,6 +20,9 @@ export function handedOn({ request: body, result }) {
     scan_time: body.controller.scan_time, performance: { ...body.performance, tau_p: readable(result.tau_p) } };
 }
 
+/** Fill the form of a tuning, which is opened next. @param {any} body */
+export const openAs = (body) => sessionStorage.setItem("mutune.draft/v1/tunings", JSON.stringify(body));
+
 /**
  * The analyses whose forms open without faults from this tuning.
  * @param {any} job @param {boolean} found whether there are settings; else there is the plant to look at

@@ -6,8 +6,9 @@ import { chart } from "./chart.js";
 import { columnsOf, roleOf, timeOf } from "./csv.js";
 import { button, card, h, help, lead, put } from "./dom.js";
 import { newId, segments } from "./fields.js";
-import { setTimeUnit, timeUnit } from "./format.js";
+import { namedUnit, setTimeUnit, timeUnit } from "./format.js";
 import { takeFiles } from "./intro.js";
+import { openAs } from "./offers.js";
 import { initial, operation } from "./schema.js";
 
 /** @typedef {import("./csv.js").Column} Column */
@@ -132,11 +133,11 @@ function handOn(name, { plant, uncertainty, epsilon, theta, outputs, origin }, c
     && same(den[0] / den[1], theta / 2) && same(num[1] / den[1], epsilon);
   const unitOf = (/** @type {string} */ output) => columns.find((column) => column.name === output)?.unit ?? null;
   const body = {
-    ...initial(operation("/v1/tunings").input), title: name.replace(/\.csv$/i, ""), time_unit: timeUnit(), plant,
+    ...initial(operation("/v1/tunings").input), title: name.replace(/\.csv$/i, ""), time_unit: namedUnit(), plant,
     origin,
     uncertainty: simple ? { epsilon, theta, structure: uncertainty.structure } : uncertainty,
     instruments: outputs.map((/** @type {string} */ tag) => ({ tag, output_unit: unitOf(tag) })),
   };
-  sessionStorage.setItem("mutune.draft/v1/tunings", JSON.stringify(body));
+  openAs(body);
   go("#/");
 }

@@ -3,7 +3,7 @@
 import { once, Problem, request } from "./api.js";
 import { button, h, lead, put } from "./dom.js";
 import { Form } from "./form.js";
-import { label, plain, rememberUnit, setTimeUnit, timeUnit, unitOf } from "./format.js";
+import { label, namedUnit, plain, rememberUnit, setTimeUnit, timeUnit, unitOf } from "./format.js";
 import { intro, takeFiles } from "./intro.js";
 import { picture } from "./picture.js";
 import { analyses, faults, fitting, initial, operation, resolve } from "./schema.js";
@@ -59,12 +59,12 @@ export async function requestView({ main, signal, go }, path, from) {
   const outcome = h("div", { class: "outcome", "aria-live": "polite" });
   const send = h("button", { type: "submit", class: "main", form: "request" }, isJob ? "Start tuning" : "Analyse");
   const unit = h("input", { id: "unit", list: "units", maxlength: 20, autocomplete: "off", placeholder: "s, min, h",
-    value: timeUnit().replace("time units", "") });
+    value: namedUnit() ?? "" });
   /** @type {Form} */
   let form;
   /** @type {Form} */
   let plate;
-  const named = () => (timeUnit() === "time units" ? {} : { time_unit: timeUnit() });
+  const named = () => (namedUnit() ? { time_unit: timeUnit() } : {});
   const read = () => ({ ...form.read(), ...plate.read(), ...named() });
   let drawn = "";
   const changed = () => {

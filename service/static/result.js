@@ -6,8 +6,8 @@ import { evidence } from "./evidence.js";
 import { handOver } from "./hand_over.js";
 import { inUnit } from "./figures.js";
 import { picture } from "./picture.js";
-import { number, sentence, timeUnit, unitTag, unitText } from "./format.js";
-import { furtherOf } from "./offers.js";
+import { number, plain, sentence, timed, timeUnit, unitTag, unitText } from "./format.js";
+import { furtherOf, openAs } from "./offers.js";
 import { sheet } from "./sheet.js";
 import { plantFormula } from "./symbols.js";
 import { tradeOff } from "./trade_off.js";
@@ -19,10 +19,8 @@ const ADVICE = [
   "Widen the bounds of the controller's parameters, or use PID.",
 ];
 const HINT = "20 % is 0.2.";
-const ADVICE_AT_REST = [
-  "No controller with integral action can do this, whatever its settings: look at the plant.",
-  "Choose other inputs or outputs, or pair them anew; the analysis of interaction tells which.",
-];
+const SLIP = 2; // an error of the inputs from which per cent were meant
+const AT_REST = "No controller with integral action can do this, whatever its settings: look at the plant.";
 const WORTH_IT = 2; // per cent, below which a plant does not feel the difference
 
 /** @param {HTMLElement} body @param {any} job */
@@ -65,18 +63,20 @@ function headline({ result, status, request: asked }) {
     h("p", {}, what, " for every plant within the uncertainty."),
     CUT[status] && h("p", { class: "doubt" }, CUT[status], " A whole search may find better ones."),
     result.comparison && gain(result), result.optimality && limit(result.optimality),
-    result.limit && h("p", {}, result.limit.verdict),
+    result.limit && h("p", {}, plain(result.limit.verdict)),
     guaranteed(result.guarantee), scenarios(result), result.integrity && help(sentence(result.integrity)),
     plate(asked));
 }
 
 /** What was tuned, and for what. @param {any} asked */
 function plate({ plant, uncertainty: { epsilon, theta }, performance: { max_peak: peak } }) {
-  const several = (/** @type {any} */ value) => [value].flat().map((one) => number(one)).join(", ");
+  const several = (/** @type {any} */ value, text = number) => [value].flat().map((one) => text(one)).join(", ");
   const errors = epsilon == null ? "" : `Errors of the inputs: ε = ${several(epsilon)} at rest, growing to 1 near the `
-    + `frequency 1/θ, θ = ${several(theta)} ${timeUnit()}. `;
-  return h("div", { class: "asked-for" }, picture(plant), plantFormula(plant),
-    help(`${errors}Permitted peak of the sensitivity: M = ${number(peak)}.`));
+    + `frequency 1/θ, θ = ${several(theta, timed)}. `;
+  // On a phone the settings come first.
+  const open = !matchMedia("(max-width: 40rem)").matches;
+  return h("details", { class: "asked-for", open }, h("summary", {}, "What was tuned, and for what"),
+    picture(plant), plantFormula(plant), help(`${errors}Permitted peak of the sensitivity: M = ${number(peak)}.`));
 }
 
 /** What each scenario makes of the settings. @param {any} result */
@@ -84,7 +84,7 @@ function scenarios({ scenarios: found, active }) {
   if (!found?.length) return null;
   return h("ul", {}, found.map(({ name, in_service: units, sets, tau_p: own, peaks }) => h("li", {},
     h("strong", {}, name), name === active ? " decides" : "", `: μ ${number(peaks.robust_performance.value)}`,
-    own ? `, alone ${number(own)} ${timeUnit()}` : "",
+    own ? `, alone ${timed(own)}` : "",
     sets > 1 ? `, worst of ${sets} sets: units ${units.map((unit) => unit + 1).join(", ")}` : "")));
 }
 
@@ -99,7 +99,7 @@ function guaranteed(guarantee) {
 function limit({ lower_bound: least, gap, status }) {
   if (!least) return help("How far from the best possible one: nothing was proven in the time.");
   return h("p", {}, h("strong", {}, `Proven${status === "reached" ? "" : " in the time"}:`),
-    ` no settings in such groups and within the bounds go below ${number(least)} ${timeUnit()},`,
+    ` no settings in such groups and within the bounds go below ${timed(least)},`,
     ` ${number(100 * gap, 3)} % less than here.`);
 }
 
@@ -118,14 +118,33 @@ function gain({ comparison: { gain_percent: percent, identical_value: value, ide
 }
 
 /** @param {any} job */
-function infeasible({ result: { reason, omega }, request: { uncertainty } }) {
-  const worst = Math.max(...[uncertainty.epsilon ?? 0].flat());
+function infeasible({ id, result: { reason, omega }, request: asked }) {
+  const worst = Math.max(...[asked.uncertainty.epsilon ?? 0].flat());
   const large = worst >= 1 && h("p", {}, `The error ε = ${number(worst)} means ${number(100 * worst)} %; ${HINT}`);
   const where = omega > 0 && h("p", {}, `The frequency that forbids it: ${number(omega)} ${unitText("rad/time")}.`);
-  const advice = omega === 0 ? ADVICE_AT_REST : ADVICE;
+  const href = (place) => `#/analyses/${place}?from=${id}`;
+  const anew = h("li", {}, "Choose other inputs or outputs, or pair them anew: ",
+    h("a", { href: href("interaction") }, "Interaction"), " tells which.");
+  const drives = /parallel-drives/.test(reason) && h("li", {}, "Integral action of several units on one load: ",
+    h("a", { href: "#/analyses/parallel-drives" }, "Parallel drives"), " tells what to do.");
+  const advice = worst >= 1 ? slips(asked, worst) : omega === 0 ? [AT_REST, anew] : ADVICE;
   return h("section", { class: "card hero missed" }, h("h2", {}, "No settings meet this demand"),
-    large, h("p", {}, sentence(reason)), where,
-    h("h3", {}, "What to try"), h("ul", {}, advice.map((text) => h("li", {}, text))));
+    large, h("p", {}, plain(sentence(reason))), where,
+    h("h3", {}, "What to try"), h("ul", {}, [...advice, drives].map((one) =>
+      (typeof one === "string" ? h("li", {}, one) : one))));
+}
+
+/** What to try where inputs may err by all that they are. @param {any} asked @param {number} worst */
+function slips(asked, worst) {
+  const less = "Reduce the error ε at rest below 1: integral action needs to know at least the sign of each input.";
+  if (worst < SLIP) return [less];
+  const meant = [asked.uncertainty.epsilon].flat().map((one) => Number((one / 100).toPrecision(12)));
+  const epsilon = meant.length > 1 ? meant : meant[0];
+  const take = button(`Open the request with ε = ${meant.map((one) => number(one)).join(", ")}`, () => {
+    openAs({ ...asked, uncertainty: { ...asked.uncertainty, epsilon } });
+    location.hash = "#/";
+  });
+  return [h("li", {}, "If per cent were meant: ", take), less];
 }
 
 /** @param {any} job @param {boolean} found */
@@ -136,7 +155,7 @@ function actions(job, found) {
     download(`${fileName(id)}.html`, page, "text/html");
   };
   const share = button("Copy link", async () => {
-    await copy(`${location.origin}/#/tunings/${id}?unit=${encodeURIComponent(timeUnit())}`);
+    await copy(`${location.origin}/${inUnit(`#/tunings/${id}`)}`);
     share.textContent = "Link copied";
   });
   return h("nav", { class: "buttons", "aria-label": "What next" },

@@ -22,7 +22,7 @@ export function sheet(job, name) {
       await new Promise((done) => onceReleased(() => done(null)));
       put(list, risks.map(({ level, text }) =>
         h("li", { class: level }, h("strong", {}, LEVELS[level]), h("span", {}, plain(text)))));
-      put(measures, behaviour.length > 0 && measured(behaviour));
+      put(measures, behaviour.length > 0 && measured(behaviour, job.request.instruments ?? []));
       list.removeAttribute("aria-busy");
       await drawFigures(figures, drawn, name);
     } catch (error) {
@@ -37,12 +37,20 @@ export function sheet(job, name) {
   return { node: cards, show };
 }
 
-/** @param {any[]} rows */
-function measured(rows) {
+/** The unit that all signals of a kind share. @param {any[]} signals @param {string} key */
+function shared(signals, key) {
+  const units = new Set(signals.map((one) => one[key] ?? ""));
+  return units.size === 1 ? [...units][0] : "";
+}
+
+/** @param {any[]} rows @param {any[]} signals of the request */
+function measured(rows, signals) {
+  const [output, input] = [shared(signals, "output_unit"), shared(signals, "input_unit")];
+  const of = (text, unit, gap = ", ") => (unit ? `${text}${gap}${unit}` : text);
   const [{ set_point_step: step, load_step: load }] = rows;
   const per = (/** @type {number | null} */ share) => (share === null ? "–" : `${number(100 * share, 3)} %`);
-  const heads = ["Loop", "Settings", `Settles in, ${timeUnit()}`, "Overshoot", "Valve moves by up to",
-    "Error after load", `Load gone in, ${timeUnit()}`, "Gain margin", "Phase margin", `Delay margin, ${timeUnit()}`];
+  const heads = ["Loop", "Settings", `Settles in, ${timeUnit()}`, "Overshoot", of("Valve moves by up to", input),
+    of("Error after load", output), `Load gone in, ${timeUnit()}`, "Gain margin", "Phase margin", `Delay margin, ${timeUnit()}`];
   const lines = rows.map((row) => {
     const name = SETTINGS[row.settings] ?? row.settings;
     const loop = row.loop.replace(/^(loop|all)/, (first) => first.replace(/^./, (c) => c.toUpperCase()));
@@ -52,7 +60,7 @@ function measured(rows) {
       limit(row.phase_margin, "°"), limit(row.delay_margin, "")];
   });
   return h("div", {}, table("In numbers, all loops closed", heads, lines),
-    help(`Set point stepped by ${number(step, 3)}, load of ${number(load, 3)} at the input of the same loop. `
+    help(`Set point stepped by ${of(number(step, 3), output, " ")}, load of ${of(number(load, 3), input, " ")} at the input of the same loop. `
       + "Settled: within 2 % of the step, or 5 % of the largest error. A dash: not within the time shown. "
       + "Margins: what this loop alone may change by, all others closed; “any”: no limit."));
 }

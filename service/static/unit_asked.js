@@ -1,13 +1,13 @@
 /** The unit of a tuning's times, asked for where its request does not name it. */
 
 import { h } from "./dom.js";
-import { rememberUnit, setTimeUnit, timeUnit } from "./format.js";
+import { namedUnit, rememberUnit, setTimeUnit } from "./format.js";
 
 const USUAL = ["s", "min", "h", "d"];
 
 /** @param {any} job */
 export function unitAsked({ id, request }) {
-  if (request.time_unit || timeUnit() !== "time units") return null;
+  if (request.time_unit || namedUnit()) return null;
   const select = h("select", { id: "unit-asked", onchange: ({ target }) => {
     setTimeUnit(target.value);
     rememberUnit(id);

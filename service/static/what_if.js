@@ -3,7 +3,7 @@
 import { once, Problem, request } from "./api.js";
 import { card, h, help, put, table } from "./dom.js";
 import { newId } from "./fields.js";
-import { number, timeUnit, unitText } from "./format.js";
+import { number, rangesOf, timed, timeUnit } from "./format.js";
 
 const STEPS = 48; // of a slider, half of them to either side
 const WIDE = 4; // times the value asked for, at the ends
@@ -83,7 +83,7 @@ export function whatIf({ request: asked, result }) {
     const move = () => {
       const moved = Number((given * WIDE ** ((2 * Number(input.value)) / STEPS)).toPrecision(3));
       body[part][key] = Number(input.value) === 0 ? given : moved;
-      shown.textContent = `${number(body[part][key], 3)} ${unitText(kind)}`;
+      shown.textContent = kind === "time" ? timed(body[part][key], 3) : number(body[part][key], 3);
       input.setAttribute("aria-valuetext", shown.textContent);
     };
     input.addEventListener("input", () => (move(), local()));
@@ -102,7 +102,7 @@ function settingsOf({ loops, groups }) {
     .filter((key) => loops.some((loop) => loop[key]));
   const heads = { gain: "Gain", integral_time: `Integral time, ${timeUnit()}`,
     derivative_time: `Derivative time, ${timeUnit()}`, filter_time: `Filter time, ${timeUnit()}` };
-  const rows = groups.map((group) => [`Loop ${group.map((i) => i + 1).join(", ")}`,
+  const rows = groups.map((group) => [`${group.length > 1 ? "Loops" : "Loop"} ${rangesOf(group)}`,
     ...keys.map((key) => number(loops[group[0]][key]))]);
   return table("Settings, cascade form", ["", ...keys.map((key) => heads[key])], rows);
 }

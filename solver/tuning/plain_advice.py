@@ -136,6 +136,7 @@ def _alone(specification: Specification, tuning: Tuning) -> Iterator[str]:
     plant, tau_p = specification.plant, tuning.tau_p
     if plant.n == 1 or tau_p is None or len(tuning.groups) > MOST_ALONE:
         return
+    overshooting: dict[str, list[int]] = {}
     for group in tuning.groups:
         part, loops = subsystem(plant, tuning.loops, group[:1])
         if not is_stable(part, loops):
@@ -157,7 +158,15 @@ def _alone(specification: Specification, tuning: Tuning) -> Iterator[str]:
                 f"a set-point step by {percent}."
             )
         else:
-            yield f"Alone in service loop {group[0] + 1} overshoots a set-point step by {percent}."
+            overshooting.setdefault(percent, []).extend(group)
+    for percent, units in overshooting.items():
+        names = [f"loop {unit + 1}" for unit in sorted(units)]
+        if len(names) > MOST_ALONE:
+            names = [*names[:2], f"{len(names) - 2} others"]
+        which, verb = names[0], "overshoots"
+        if len(names) > 1:
+            which, verb = f"{', '.join(names[:-1])} and {names[-1]} each", "overshoot"
+        yield f"Alone in service {which} {verb} a set-point step by {percent}."
 
 
 def _beside_today(specification: Specification, tuning: Tuning, today: AsFound) -> Iterator[str]:

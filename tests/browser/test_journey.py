@@ -133,12 +133,15 @@ def test_settings_are_typed_into_a_control_system(watched: Watched) -> None:
 
 
 def test_an_error_of_2000_per_cent_is_taken_for_a_slip(watched: Watched) -> None:
-    """20 for 20 per cent is answered by what it means, before anything about the plant."""
+    """20 for 20 per cent is answered by what it means, and by a form with what was meant."""
     page = watched.page
     watched.go("#/")
     field(page, "/uncertainty/epsilon").fill("20")
     start(page)
     expect(page.get_by_text("means 2000 %; 20 % is 0.2.")).to_be_visible()
+    expect(page.get_by_text("look at the plant")).to_have_count(0)
+    page.get_by_role("button", name="Open the request with ε = 0.2").click()
+    expect(field(page, "/uncertainty/epsilon")).to_have_value("0.2")
 
 
 def test_an_infeasible_plant_says_why(watched: Watched) -> None:
@@ -150,7 +153,7 @@ def test_an_infeasible_plant_says_why(watched: Watched) -> None:
     expect(page.get_by_text("the gain matrix is singular")).to_be_visible()
     expect(page.get_by_role("heading", name="What to try")).to_be_visible()
     expect(page.locator(".status")).to_have_text("Infeasible")
-    expect(page.get_by_role("link", name="Interaction")).to_be_visible()
+    expect(page.get_by_role("listitem").get_by_role("link", name="Interaction")).to_be_visible()
     expect(page.get_by_role("link", name="Robustness")).to_have_count(0)
     watched.inspect("infeasible")
     watched.go("#/tunings")
