@@ -130,7 +130,7 @@ if TYPE_CHECKING:
         Signs,
         Specification,
     )
-    from solver.tuning.spread import Spread, SpreadOutcome
+    from solver.tuning.spread import Spread, SpreadOutcome, SpreadProof
     from solver.workbench.interchange import plant, to_control
     from solver.workbench.response import Response
     from solver.workbench.tuned import InfeasibleError, Tuned, load
@@ -248,6 +248,7 @@ __all__ = [
     "Specification",
     "Spread",
     "SpreadOutcome",
+    "SpreadProof",
     "StateSpace",
     "Status",
     "Step",
@@ -380,7 +381,7 @@ _HOMES = {
     ),
     "solver.tuning.demands": "DemandOutcome Demands IntegrityDemand",
     "solver.tuning.scenarios": "Scenario",
-    "solver.tuning.spread": "Spread SpreadOutcome",
+    "solver.tuning.spread": "Spread SpreadOutcome SpreadProof",
     "solver.tuning.record": (
         "Comparison LocalOptimum Progress ScenarioOutcome SearchSummary Status Tuning"
     ),

@@ -107,6 +107,12 @@ def _scenarios(result: TuningResult) -> list[Part]:
         parts.append(
             Line(f"Spread: worst of {result.spread.plants} plants beside the corners: {errors}.")
         )
+        proof = result.spread.proof
+        if proof is not None:
+            told = f"not all plants of it are proven: {proof.reason}."
+            if proof.reason is None:
+                told = f"mu is proven to be at most {proof.level:.6g} for every plant of it."
+            parts.append(Line(f"Spread: {told}"))
     return parts
 
 

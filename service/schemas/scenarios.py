@@ -104,8 +104,35 @@ class Spread(RequestModel):
         )
 
 
+class SpreadProof(ResultModel):
+    """What is proven of all plants of a spread, at all frequencies."""
+
+    level: float = Field(
+        description="Of mu of robust performance, which no plant exceeds where nothing is open.",
+        examples=[1.0001],
+    )
+    boxes: int = Field(
+        description="Boxes of plants and frequencies that were looked at.", examples=[2124]
+    )
+    open: int = Field(
+        description="Boxes that were left without a proof, all within omega and deviations.",
+        examples=[0],
+    )
+    omega: tuple[float, float | None] | None = Field(
+        description="Frequencies of these, rad per time unit; an upper one of null is infinite.",
+        examples=[None, [0.01, 0.1]],
+    )
+    deviations: dict[str, tuple[float, float]] = Field(
+        description="Relative deviations of each parameter in them.",
+        examples=[{}, {"interaction": [0.015, 0.02]}],
+    )
+    reason: str | None = Field(
+        description="Why not all is proven; null where it is.", examples=[None]
+    )
+
+
 class SpreadOutcome(ResultModel):
-    """How densely a spread was searched, and the worst plant found in it."""
+    """How densely a spread was searched, the worst plant found in it, and what is proven."""
 
     plants: int = Field(
         description="Plants looked at beside the corners, for the settings of the result.",
@@ -119,6 +146,20 @@ class SpreadOutcome(ResultModel):
     tau_p: float | None = Field(
         description="Least time constant that the settings permit there; null where it was given.",
         examples=[27.67],
+    )
+    proof: SpreadProof | None = Field(
+        default=None,
+        description="What is proven of the plants between those that were looked at.",
+        examples=[
+            {
+                "level": 1.0001,
+                "boxes": 2124,
+                "open": 0,
+                "omega": None,
+                "deviations": {},
+                "reason": None,
+            }
+        ],
     )
 
 

@@ -446,7 +446,7 @@ class TuningResult(IdentifiedResult, ResultModel):
     )
     spread: SpreadOutcome | None = Field(
         default=None,
-        description="How densely the spread was searched, and its worst plant.",
+        description="How densely the spread was searched, its worst plant, and what is proven.",
         examples=[None],
     )
     comparison: Comparison | None = Field(
@@ -508,6 +508,8 @@ def tuning_to_json(tuning: Tuning) -> dict[str, Any]:
     document["demand_met"] = tuning.demand_met
     if tuning.spread is not None:
         document["spread"]["worst"] = dict(tuning.spread.worst)
+        if tuning.spread.proof is not None:
+            document["spread"]["proof"]["deviations"] = dict(tuning.spread.proof.deviations)
     document["search"]["local_optima"] = [
         _optimum_to_json(optimum) for optimum in tuning.search.local_optima
     ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from solver.model.plants import MatrixPlant, ParallelPlant, Plant
 from solver.model.transfer_function import LARGEST, TransferFunction
@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 __all__ = [
+    "Parameter",
     "change_dead_time",
     "change_gain",
     "change_time_constant",
@@ -19,6 +20,19 @@ __all__ = [
     "depends_on",
     "of_unit",
 ]
+
+
+class Parameter(NamedTuple):
+    """A parameter that spreads: its name, relative deviation, and unit; None: of all units."""
+
+    name: str
+    width: float
+    unit: int | None
+
+    @property
+    def title(self) -> str:
+        """What it is called in a result."""
+        return self.name if self.unit is None else f"{self.name} of unit {self.unit + 1}"
 
 
 def coupled(plant: Plant, factor: float) -> Plant:

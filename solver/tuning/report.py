@@ -42,7 +42,8 @@ if TYPE_CHECKING:
     from solver.tuning.groupings import Groups
     from solver.tuning.search import GroupingSearch
     from solver.tuning.solutions import Solution, Solutions
-    from solver.tuning.specification import Specification
+from solver.tuning.specification import Specification
+from solver.tuning.spread_proof import proven_spread
 
 __all__ = ["infeasible", "report"]
 
@@ -109,6 +110,7 @@ def report(
             warnings.append(
                 "no certificate file: the search was stopped or its time limit came first"
             )
+    end = replace(end, spread=proven_spread(search, end, clock.tick))
     scenarios: tuple[ScenarioOutcome, ...] = ()
     try:
         scenarios, said = scenario_outcomes(specification, search, end, certificate, clock.tick)

@@ -65,7 +65,7 @@ def scenario_outcomes(
             continue
         guarantee = overall([end.axes[index].guarantee for index in mine])
         if number > len(specification.scenarios):
-            guarantee = Guarantee(GuaranteeStatus.OPEN, guarantee.level, _searched(end))
+            guarantee = _of_spread(end, guarantee)
         worst = max(mine, key=lambda index: end.axes[index].peaks.robust_performance.value)
         taus = [values[index] for index in mine]
         found.append(
@@ -83,12 +83,21 @@ def scenario_outcomes(
     return tuple(found), warnings
 
 
-def _searched(end: Settled) -> str:
+def _of_spread(end: Settled, of_cases: Guarantee) -> Guarantee:
+    """Return what is proven of all plants of the spread; `of_cases`: of those that are cases."""
     plants = 0 if end.spread is None else end.spread.plants
-    return (
-        f"the spread was searched at {plants} plants beside its corners; between them nothing is "
+    proof = None if end.spread is None else end.spread.proof
+    if proof is not None and proof.proven:
+        if of_cases.status is GuaranteeStatus.OPEN:
+            return of_cases
+        return Guarantee(GuaranteeStatus.PROVEN, max(proof.level, of_cases.level))
+    reason = (
+        f"the spread was searched at {plants} plants beside its corners; between them not all is "
         "proven"
     )
+    if proof is not None:
+        reason += f": {proof.reason}"
+    return Guarantee(GuaranteeStatus.OPEN, of_cases.level, reason)
 
 
 def overall(guarantees: Sequence[Guarantee]) -> Guarantee:

@@ -2,7 +2,8 @@
 
 The corners of the box are cases of the search from the start. What lies between them is searched on
 a lattice, and from its worst points by steps along the axes; a plant found there that is worse than
-those known becomes a case, and the search goes on. Between the plants looked at nothing is proven.
+those known becomes a case, and the search goes on. Between the plants looked at the box is proven
+in the end (`solver.tuning.spread_proof`), where it can be.
 """
 
 from __future__ import annotations
@@ -10,11 +11,12 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from solver.model.deviations import (
+    Parameter,
     change_dead_time,
     change_gain,
     change_time_constant,
@@ -34,10 +36,10 @@ if TYPE_CHECKING:
 __all__ = [
     "MOST_AXES",
     "SPREAD",
-    "Axis",
     "Deviation",
     "Spread",
     "SpreadOutcome",
+    "SpreadProof",
     "lattice",
     "refined",
 ]
@@ -58,19 +60,6 @@ _CHANGES = {
     "dead_time": change_dead_time,
     INTERACTION: change_gain,
 }
-
-
-class Axis(NamedTuple):
-    """A parameter that spreads: its name, relative deviation, and unit; None: of all units."""
-
-    name: str
-    width: float
-    unit: int | None
-
-    @property
-    def title(self) -> str:
-        """What it is called in a result."""
-        return self.name if self.unit is None else f"{self.name} of unit {self.unit + 1}"
 
 
 def _all_of(name: str, plant: Plant) -> Sequence[TransferFunction]:
@@ -114,20 +103,20 @@ class Spread:
             settle(self, **{name: value})
         settle(self, each_unit=flag(self.each_unit, "/each_unit"))
 
-    def axes(self, plant: Plant) -> tuple[Axis, ...]:
+    def axes(self, plant: Plant) -> tuple[Parameter, ...]:
         """Return the parameters that spread and that the plant has, with their deviations."""
-        found: list[Axis] = []
+        found: list[Parameter] = []
         for name in PARAMETERS:
             width = getattr(self, name)
             if not width > 0:
                 continue
             if not self.each_unit or plant.n == 1:
                 if self._there(name, _all_of(name, plant)):
-                    found.append(Axis(name, width, None))
+                    found.append(Parameter(name, width, None))
                 continue
             rows = plant.rows
             found += [
-                Axis(name, width, unit)
+                Parameter(name, width, unit)
                 for unit in range(plant.n)
                 if self._there(
                     name,
@@ -172,6 +161,40 @@ class Spread:
 
 
 @dataclass(frozen=True)
+class SpreadProof:
+    """What is proven of all plants of the spread, at all frequencies.
+
+    Attributes
+    ----------
+    level : float
+        Of mu of robust performance, which none exceeds where nothing is open.
+    boxes : int
+        Boxes of plants and frequencies that were looked at.
+    open : int
+        Boxes that were left without a proof; they lie within `omega` and `deviations`.
+    omega : tuple of float, or None
+        Frequencies, rad per time unit; the upper one None: infinite.
+    deviations : tuple of (str, (float, float))
+        Relative deviations of each parameter there.
+    reason : str or None
+        Why not all is proven.
+
+    """
+
+    level: float
+    boxes: int
+    open: int
+    omega: tuple[float, float | None] | None
+    deviations: tuple[tuple[str, tuple[float, float]], ...]
+    reason: str | None
+
+    @property
+    def proven(self) -> bool:
+        """Whether the level holds for every plant."""
+        return self.reason is None
+
+
+@dataclass(frozen=True)
 class SpreadOutcome:
     """What the settings make of the spread.
 
@@ -183,12 +206,15 @@ class SpreadOutcome:
         Relative deviation of each parameter in the worst of them.
     tau_p : float or None
         Least time constant that the settings permit there; None where it was given.
+    proof : SpreadProof or None
+        What is proven of the plants between those.
 
     """
 
     plants: int
     worst: tuple[tuple[str, float], ...]
     tau_p: float | None
+    proof: SpreadProof | None = None
 
 
 def lattice(size: int) -> list[Deviation]:

@@ -43,7 +43,7 @@ _MODULES = {
         "Comparison", "LocalOptimum", "ScenarioOutcome", "SearchSummary", "Status", "Tuning",
     ),
     "solver.tuning.scenarios": ("Scenario",),
-    "solver.tuning.spread": ("Spread", "SpreadOutcome"),
+    "solver.tuning.spread": ("Spread", "SpreadOutcome", "SpreadProof"),
     "solver.tuning.specification": (
         "Arrangement", "Bounds", "ControllerKind", "Objective", "Signs", "Specification",
     ),

@@ -67,7 +67,10 @@ def test_a_spread_tells_its_worst_plant() -> None:
     assert found.result.spread.plants > 169
     assert found.result.active == "spread"
     assert found.result.guarantee is not None
-    assert found.result.guarantee.status == "open"
+    assert found.result.guarantee.status == "proven"
+    assert found.result.spread.proof is not None
+    assert found.result.spread.proof.level == pytest.approx(1.0001, abs=1e-4)
+    assert found.result.spread.proof.open == 0
     lines = [part.text for part in tuning_table(found.result) if isinstance(part, Line)]
     assert any(text.startswith("Spread: worst of") for text in lines)
     task = found.request.build()
