@@ -24,7 +24,7 @@ from service.schemas.fields import (
 )
 from solver.model.errors import InvalidInputError
 from solver.model.measured import MAX_POINTS, MIN_POINTS
-from solver.model.neighbours import MAX_LINE, MAX_RING
+from solver.model.neighbours import MAX_RING
 from solver.model.plants import MAX_MATRIX_SIZE, MAX_UNITS
 from solver.model.state_space import MAX_STATES
 from solver.model.transfer_function import LARGEST
@@ -239,8 +239,10 @@ class BandedPlant(NeighbourUnits):
         description="Equal units in a row, by the effects of their neighbours.",
         examples=["banded"],
     )
-    n: Annotated[int, Field(ge=2, le=MAX_LINE, json_schema_extra={"x-unit": "1"}), WHOLE] = Field(
-        description="Number of units.", examples=[12]
+    n: Annotated[int, Field(ge=2, le=MAX_RING, json_schema_extra={"x-unit": "1"}), WHOLE] = Field(
+        description="Number of units; more than 20 with the same neighbour on both sides, one "
+        "place off, alone.",
+        examples=[12],
     )
 
     def build(self) -> solver.model.plants.Plant:

@@ -189,7 +189,7 @@ class LoopBlocks:
 
     @cached_property
     def modes(self) -> tuple[Mode, ...]:
-        """The modes of a ring that its blocks are; empty where they are none."""
+        """The modes of a ring or row that its blocks are; empty where they are none."""
         ring = isinstance(self.plant, NeighbourPlant) and len(self.blocks) > 1
         return modes(self.plant, len(self.parts)) if ring else ()  # type: ignore[arg-type]  # as told
 
@@ -376,6 +376,11 @@ def reduce(
                 f"in a ring of more than {MAX_LINE} units settings, errors and uncertainty "
                 "must repeat around it, the uncertainty diagonal"
             )
+            if not plant.ring:
+                message = (
+                    f"in a row of more than {MAX_LINE} units settings, errors and uncertainty must "
+                    "be the same for all, the uncertainty diagonal"
+                )
             raise InvalidInputError(message, "/plant/n")
         own = (0,) * plant.n if full else tuple(range(plant.n))
         found = LoopBlocks(
@@ -436,7 +441,7 @@ def _ring_blocks(
     places: int,
     scales: tuple[float, ...] | None,
 ) -> LoopBlocks:
-    """Return the modes of a ring that repeats itself every `places` units."""
+    """Return the modes of a ring that repeats itself every `places` units, or of a row."""
     own, places_of = channels[:places], tuple(range(places))
     blocks = tuple(
         Block(own, places_of, mode.multiplicity)

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
+from solver.model.neighbours import NeighbourPlant
 from solver.model.plants import MatrixPlant, ParallelPlant, Plant
 from solver.model.transfer_function import LARGEST, TransferFunction
 
@@ -39,6 +42,9 @@ def coupled(plant: Plant, factor: float) -> Plant:
     """Return the plant with the effect of each unit on the others times `factor`."""
     if isinstance(plant, ParallelPlant):
         return ParallelPlant(plant.n, plant.process, change_gain(plant.interaction, factor))
+    if isinstance(plant, NeighbourPlant):
+        other = plant.mapped(partial(change_gain, factor=factor))
+        return replace(other, process=plant.process)
     rows = [
         [element if r == c else change_gain(element, factor) for c, element in enumerate(row)]
         for r, row in enumerate(plant.rows)

@@ -10,6 +10,15 @@ splits the loop into modes k = 0 .. q - 1 with the p x p plants
 that share one D-scale for each place in a section (by convexity the best scales are equal in all
 sections). Modes k and q - k are one real block [Re G_k, -Im G_k; Im G_k, Re G_k]; where the
 imaginary part vanishes, as for equal neighbours on both sides and p = 1, it is G_k twice.
+
+A row has two ends and no such symmetry, but its matrix with equal neighbours on both sides, one
+place off, is g I + i A with the sines sin(pi j k/(n + 1)) as eigenvectors of A. Under equal
+settings and errors, with one D-scale for all units, it splits into the plants
+
+    g + 2 cos(pi k/(n + 1)) i,    k = 1 .. n.
+
+One scale for all is an upper bound of mu, not the best: scales of their own gain the units at the
+ends a little (2e-5 of mu at most for 12 and 20 units).
 """
 
 from __future__ import annotations
@@ -41,7 +50,7 @@ __all__ = [
     "sections",
 ]
 
-MAX_RING, MAX_LINE = 100, 20
+MAX_RING, MAX_LINE = 100, 20  # of a row whose units share no scale
 ZERO = TransferFunction((0.0,), (1.0,))
 VANISHES = 1e-15  # a factor that is zero but for the rounding of pi
 
@@ -53,8 +62,8 @@ class NeighbourPlant(Plant):
     Parameters
     ----------
     n : int
-        Number of units: 2..`MAX_RING` in a ring, 2..`MAX_LINE` in a row, whose ends leave no
-        symmetry.
+        Number of units: 2..`MAX_RING`; in a row with more than the same neighbour on both sides
+        2..`MAX_LINE`, since its ends leave no symmetry.
     process : TransferFunction
         From a unit's input to its own output.
     ahead : tuple of TransferFunction
@@ -78,10 +87,15 @@ class NeighbourPlant(Plant):
         settle(self, ahead=instances(self.ahead, TransferFunction, "/ahead"))
         if self.behind is not None:
             settle(self, behind=instances(self.behind, TransferFunction, "/behind"))
-        most = MAX_RING if self.ring else MAX_LINE
-        if not 2 <= self.n <= most:
-            message = f"the number of units in a {self._kind} must lie in 2..{most}"
+        if not 2 <= self.n <= MAX_RING:
+            message = f"the number of units in a {self._kind} must lie in 2..{MAX_RING}"
             raise InvalidInputError(message, "/n")
+        if self.n > MAX_LINE and not self.ring and not self.has_sines:
+            message = (
+                f"a row of more than {MAX_LINE} units must have the same neighbour on both sides, "
+                "one place off, and none further"
+            )
+            raise InvalidInputError(message, "/ahead" if self.behind is None else "/behind")
         if self.process.is_zero:
             message = "the process is zero: its input has no effect on its output"
             raise InvalidInputError(message, "/process/num")
@@ -97,6 +111,11 @@ class NeighbourPlant(Plant):
     @property
     def _behind(self) -> tuple[TransferFunction, ...]:
         return self.ahead if self.behind is None else self.behind
+
+    @property
+    def has_sines(self) -> bool:
+        """Whether it is a row that sines split: the same neighbour on both sides, none further."""
+        return not self.ring and len(self.ahead) == 1 and self._behind == self.ahead
 
     @property
     def interchangeable(self) -> bool:
@@ -167,7 +186,7 @@ def refuse_many(plant: Plant, what: str) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Mode:
-    """One block of a ring: G = sum over sections m of weights[m] times the elements of section m.
+    """One block of a ring or row: G = sum over sections m of weights[m] times their elements.
 
     Attributes
     ----------
@@ -193,7 +212,10 @@ class Mode:
 
 
 def modes(plant: NeighbourPlant, places: int) -> tuple[Mode, ...]:
-    """Return the blocks of a ring whose settings repeat every `places` units."""
+    """Return the blocks of a ring whose settings repeat every `places` units, or of a row."""
+    if not plant.ring:
+        angles = math.pi * np.arange(1, plant.n + 1) / (plant.n + 1)
+        return tuple(Mode(np.array([1.0, 2 * cosine]), None, 1) for cosine in np.cos(angles))
     count = plant.n // places
     mirrored = places == 1 and plant.behind is None
     found = []
@@ -213,17 +235,22 @@ def modes(plant: NeighbourPlant, places: int) -> tuple[Mode, ...]:
 def period(plant: Plant, marks: Sequence[Hashable]) -> int | None:
     """Return after how many units a ring repeats itself, less than all; None: it does not.
 
+    Of a row with more units than a matrix 1, where sines split it.
+
     Parameters
     ----------
     plant : Plant
-        Any; None for all but rings.
+        Any; None for all but rings and rows.
     marks : sequence
         What tells the loops and errors of a unit from those of others, (n,).
 
     """
-    if not isinstance(plant, NeighbourPlant) or not plant.ring:
+    if not isinstance(plant, NeighbourPlant):
         return None
     n = plant.n
+    if not plant.ring:
+        split = plant.has_sines and n > MAX_MATRIX_SIZE and len(set(marks)) == 1
+        return 1 if split else None
     for places in range(1, n):
         if n % places == 0 and all(marks[i] == marks[i % places] for i in range(n)):
             return places
@@ -231,7 +258,12 @@ def period(plant: Plant, marks: Sequence[Hashable]) -> int | None:
 
 
 def sections(plant: NeighbourPlant, places: int) -> list[list[list[TransferFunction]]]:
-    """Return the elements (q, p, p) from the first section's outputs to every section's inputs."""
+    """Return the elements (q, p, p) from the first section's outputs to every section's inputs.
+
+    Of a row those that its modes are sums of.
+    """
+    if not plant.ring:
+        return [[[plant.process]], [[plant.ahead[0]]]]
     return [
         [[plant.element(a, b + m * places) for b in range(places)] for a in range(places)]
         for m in range(plant.n // places)

@@ -24,7 +24,8 @@ from solver.model.blocks import group_loops
 from solver.model.errors import InvalidInputError
 from solver.model.neighbours import NeighbourPlant
 from solver.model.peaks import Peak, greatest, tops, zoom
-from solver.model.plants import MAX_MATRIX_SIZE
+from solver.model.plants import MatrixPlant
+from solver.robustness.box_proof import keeps_stable, proven_box
 from solver.robustness.curves import LoopAnalysis
 from solver.robustness.enclosed_forms import NOMINAL, ROBUST, STABILITY
 from solver.robustness.followed import followed_count
@@ -161,6 +162,8 @@ def proven_peaks(
         search.take(omega, values, d[:, : search.analysis.blocks.n_scales])
         search.close()
     unstable = None if known_compiled is None else _count(*known_compiled, known)
+    if isinstance(plant, NeighbourPlant) and _stable_without_neighbours(plant, known, loops):
+        unstable = 0 if keeps_stable(plant, known.uncertainty, performance, loops) else None
     reason = searches[0].reason
     if reason is None and unstable is None:
         reason = "nominal stability was counted, not proven"
@@ -262,6 +265,23 @@ def _count(T: Tables, S: Scratch, analysis: LoopAnalysis) -> int | None:
     return followed_count(T, S, float(analysis.omega[0]), float(analysis.omega[-1]))
 
 
+def _stable_without_neighbours(
+    plant: NeighbourPlant, analysis: LoopAnalysis, loops: Sequence[Controller]
+) -> bool:
+    """Whether each loop is proven stable beside neighbours without effect."""
+    alone = MatrixPlant([[plant.process]])
+    known = replace(analysis.uncertainty, weight=analysis.uncertainty.weight_of(0), outputs=None)
+    return all(
+        proven_count(
+            alone, [loop],
+            LoopAnalysis(*group_loops(alone, [loop], known), known, replace(
+                analysis.performance, output_scale=None
+            )),
+        ) == 0
+        for loop in dict.fromkeys(loops)
+    )  # fmt: skip
+
+
 class _CurveSearch:
     """One curve: its samples, its highest value, and why it is not proven, if it is not."""
 
@@ -301,9 +321,11 @@ class _CurveSearch:
             err = self.analysis.uncertainty.outputs is not None
             most = MOST_PROVEN // 2 if err else MOST_PROVEN
             self.reason = f"more than {most} loops differ"
-            if isinstance(self.analysis.blocks.plant, NeighbourPlant):
-                self.reason = f"rings and rows of more than {MAX_MATRIX_SIZE} units are not proven"
             self._resolve()
+            if isinstance(self.analysis.blocks.plant, NeighbourPlant):
+                self.reason = "of rings and rows the peak of robust performance alone is proven"
+                if self.curve == ROBUST:
+                    self._prove_by_boxes()
             return
         self._prove(*self.compiled)
         self._polish()
@@ -343,6 +365,25 @@ class _CurveSearch:
             log_ratio = min(AHEAD * log_ratio, FIRST_STEP)
         self.reason = f"no proof near omega = {low:.6g}: the curve varies too quickly there"
         self._resolve()
+
+    def _prove_by_boxes(self) -> None:
+        """Prove the peak of a ring or row: its modes are no rational numbers, as others' are."""
+        analysis = self.analysis
+        loops = analysis.blocks.expand(analysis.controllers)
+        for _ in range(ROUNDS):
+            proof = proven_box(
+                analysis.blocks.plant, analysis.uncertainty, analysis.performance, loops, (),
+                levels=((1 + BRACKET) * self.peak.value,),
+            )  # fmt: skip
+            self.reason = proof.reason
+            if proof.open is None:
+                return
+            low, high = proof.open.omega
+            self.reason = f"no proof for omega from {low:.6g} to {high:.6g}"
+            if not proof.exceeded:
+                return
+            low, high = max(low, high / FURTHER), min(high, FURTHER * low)
+            self._look(np.geomspace(low, high, LOOKS))
 
     def _end(self, T: Tables, S: Scratch, *, upper: bool) -> float | None:
         """Return a frequency from which the curve is proven to the end of the axis."""

@@ -25,7 +25,7 @@ from solver.mu.scaling import sweep
 from solver.robustness.box_models import BoxModel, constant, phasor, variable
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
@@ -117,7 +117,7 @@ class BoxLoop:
     Parameters
     ----------
     blocks : LoopBlocks
-        Of the plant in the middle; no ring, without errors of the outputs.
+        Of the plant in the middle, without errors of the outputs.
     controllers : tuple of Controller
         One a group.
     uncertainty, performance : Uncertainty, Performance
@@ -162,28 +162,22 @@ class BoxLoop:
 
         """
         frame = self._frame(boxes, widths=True)
+        parts = _Parts(self, frame)
         found = []
         for index, block in enumerate(self.blocks.blocks):
             first = int(self.blocks.layout.first[index])
-            G = self._plant(index, frame)
+            G = self._plant(index, parts)
             rows = [self._integrators(index, row) for row in range(block.size)]
             powers = [self._raised(channel) for channel in block.channels]
-            C = [
-                _rational(*_controller(self.controllers[channel]), frame, power)
-                for channel, power in zip(block.channels, powers, strict=True)
-            ]
-            w_P = _rational(*self._performance, frame, max(powers))
-            weights = [self._weights[first + row] for row in range(block.size)]
+            C = [parts.controller(*each) for each in zip(block.channels, powers, strict=True)]
             M = []
-            for j, (c, power) in enumerate(zip(C, powers, strict=True)):
-                error = _rational(*weights[j], frame, 0) * c
-                x = X[:, block.scales[j]].astype(complex)
-                w = w_P if power == max(powers) else _rational(*self._performance, frame, power)
-                M.append((error * error.conj()).times(x) + w * w.conj())
-            sigma = [frame.sigma(power) for power in rows]
+            for j, (channel, power) in enumerate(zip(block.channels, powers, strict=True)):
+                error, wanted = parts.squares(channel, power, self._weights[first + j])
+                M.append(error.times(X[:, block.scales[j]]) + wanted)
+            sigma = [parts.sigma(power) for power in rows]
             E = [
                 [
-                    G[r][j] * C[j] + sigma[r] * frame.sigma(powers[j]) if r == j else G[r][j] * C[j]
+                    G[r][j] * C[j] + sigma[r] * parts.sigma(powers[j]) if r == j else G[r][j] * C[j]
                     for j in range(block.size)
                 ]
                 for r in range(block.size)
@@ -230,20 +224,21 @@ class BoxLoop:
             rate=frame.rate,
             factors=frame.factors,
         )
+        parts = _Parts(self, finite)
         for index, block in enumerate(self.blocks.blocks):
-            rows = self._plant(index, finite, raised=False)
+            rows = self._plant(index, parts, raised=False)
             for r in range(block.size):
                 for c in range(block.size):
                     G[:, int(first[index]) + r, c] = rows[r][c].P[0]
         return G
 
-    def _plant(self, index: int, frame: _Frame, *, raised: bool = True) -> Matrix:
+    def _plant(self, index: int, parts: _Parts, *, raised: bool = True) -> Matrix:
         """Return the entries of a block, rows multiplied by powers of sigma if `raised`."""
         rows = self.blocks.terms(index)
         return [
             [
                 self._entry(
-                    index, (r, c), terms, frame, self._integrators(index, r) if raised else 0
+                    index, (r, c), terms, parts, self._integrators(index, r) if raised else 0
                 )
                 for c, terms in enumerate(row)
             ]
@@ -255,20 +250,23 @@ class BoxLoop:
         index: int,
         place: tuple[int, int],
         terms: Sequence[WeightedElement],
-        frame: _Frame,
+        parts: _Parts,
         power: int,
     ) -> BoxModel:
+        frame = parts.frame
         total = constant(np.zeros(frame.rate.size, dtype=complex), frame.variables)
         for number, (factor, element) in enumerate(terms):
             if factor != 0 and not element.is_zero:
                 acting = self._acting(index, place, number)
-                total = total + self._element(element, acting, frame, power).times(factor)
+                total = total + parts.element(element, acting, power).times(factor)
         return total
 
     def _acting(self, index: int, place: tuple[int, int], term: int) -> dict[str, list[int]]:
         """Return which parameters act on a term of an entry, by their names."""
         row, column = place
-        if isinstance(self.blocks.plant, ParallelPlant):
+        if self.blocks.modes:  # the first section's own element is the first term
+            other = row != column or term > 0
+        elif isinstance(self.blocks.plant, ParallelPlant):
             other = term == 1 or (index == 0 and row != column)
         else:
             other = row != column
@@ -278,13 +276,14 @@ class BoxLoop:
                 found.setdefault("gain" if name == INTERACTION else name, []).append(number)
         return found
 
-    def _element(
+    def element(
         self,
         element: TransferFunction,
         acting: dict[str, list[int]],
         frame: _Frame,
         power: int,
     ) -> BoxModel:
+        """Return an element of the plant, the parameters `acting` on it by their names."""
         slower = _product(frame, acting.get("time_constant", []))
         found = _rational(element.num, element.den, frame, power, slower)
         for number in acting.get("gain", []):
@@ -316,19 +315,24 @@ class BoxLoop:
         )
 
     @cached_property
-    def _performance(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    def wanted(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Numerator and denominator of w_P."""
         weight = self.performance.weight
         return weight.num, weight.den
 
     def _raised(self, channel: int) -> int:
         """Powers of sigma of a column: those of its controller or of w_P."""
         own = self.controllers[channel].integral_time is not None
-        return max(int(own), int(self._performance[1][-1] == 0))
+        return max(int(own), int(self.wanted[1][-1] == 0))
 
     @cached_property
     def _weights(self) -> list[tuple[tuple[float, ...], tuple[float, ...]]]:
         """Numerator and denominator of w_I of each row; only its magnitude matters."""
         units = [part[0] for part in self.blocks.parts]
+        if self.blocks.modes:  # each part has a scale of its own
+            units = [units[scale] for scale in self.blocks.layout.scales.tolist()]
+            found = [self.uncertainty.weight_of(unit) for unit in units]
+            return [(weight.num, weight.den) for weight in found]
         units += [part[0] for part in self.blocks.parts if len(part) > 1]
         found = [self.uncertainty.weight_of(unit) for unit in units]
         return [(weight.num, weight.den) for weight in found]
@@ -373,6 +377,58 @@ def _form(
             radius[:, r, c] = radius[:, c, r] = total.radius
     radius[~sound] = np.inf
     return P, radius
+
+
+class _Parts:
+    """What several entries and blocks of a loop are made of, each enclosed once."""
+
+    def __init__(self, loop: BoxLoop, frame: _Frame) -> None:
+        self.loop, self.frame = loop, frame
+        self._kept: dict[tuple[object, ...], BoxModel] = {}
+
+    def _once(self, key: tuple[object, ...], made: Callable[[], BoxModel]) -> BoxModel:
+        if key not in self._kept:
+            self._kept[key] = made()
+        return self._kept[key]
+
+    def sigma(self, power: int) -> BoxModel:
+        """Return sigma^power."""
+        return self._once(("sigma", power), lambda: self.frame.sigma(power))
+
+    def element(
+        self, element: TransferFunction, acting: dict[str, list[int]], power: int
+    ) -> BoxModel:
+        """Return an element of the plant with what acts on it, times sigma^power."""
+        key = ("element", element, tuple((k, tuple(v)) for k, v in acting.items()), power)
+        return self._once(key, lambda: self.loop.element(element, acting, self.frame, power))
+
+    def controller(self, channel: int, power: int) -> BoxModel:
+        """Return a controller times sigma^power."""
+        return self._once(
+            ("controller", channel, power),
+            lambda: _rational(*_controller(self.loop.controllers[channel]), self.frame, power),
+        )
+
+    def squares(
+        self, channel: int, power: int, weight: tuple[tuple[float, ...], tuple[float, ...]]
+    ) -> tuple[BoxModel, BoxModel]:
+        """Return |w_I c|^2 and |w_P|^2, times |sigma^power|^2."""
+
+        def squared(model: BoxModel) -> BoxModel:
+            return model * model.conj()
+
+        return (
+            self._once(
+                ("error", channel, power, weight),
+                lambda: squared(
+                    _rational(*weight, self.frame, 0) * self.controller(channel, power)
+                ),
+            ),
+            self._once(
+                ("wanted", power),
+                lambda: squared(_rational(*self.loop.wanted, self.frame, power)),
+            ),
+        )
 
 
 def _product(frame: _Frame, numbers: Sequence[int]) -> BoxModel | None:

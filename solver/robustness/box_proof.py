@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from solver.model.blocks import group_loops
+from solver.model.deviations import Parameter, coupled
 from solver.model.measured import MeasuredPlant
-from solver.model.neighbours import NeighbourPlant
 from solver.model.plants import MatrixPlant
 from solver.robustness.box_loop import Boxes, BoxLoop
 from solver.robustness.curves import LoopAnalysis
@@ -27,11 +27,10 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from solver.model.controllers import Controller
-    from solver.model.deviations import Parameter
     from solver.model.plants import Plant
     from solver.model.weights import Performance, Uncertainty
 
-__all__ = ["BoxProof", "OpenBox", "proven_box"]
+__all__ = ["BoxProof", "OpenBox", "keeps_stable", "proven_box"]
 
 MOST_ROWS = 6  # of the widest block: the work grows with the cube
 FIRST_STEP = 0.7  # log(ratio) of the frequencies of the first boxes
@@ -39,6 +38,7 @@ WORK = 60_000  # boxes of two rows and two parameters, some ten seconds; fewer w
 AT_ONCE = 1024
 MARGIN = 1e-9  # of F = I: more than the rounding of its eigenvalues
 SMALLEST = 1e-7  # of a share or log(ratio): what is not proven there will not be
+ANY_LEVEL = 1e3  # of mu: high enough for loops that are merely stable
 FAR = 0.5  # of F from I in the middle: T was of no use
 
 
@@ -111,7 +111,7 @@ def proven_box(
     plant, uncertainty, performance, loops
         A nominally stable loop.
     parameters : sequence of Parameter
-        What deviates, and how far.
+        What deviates, and how far; nothing: the level is that of the plant itself.
     levels : sequence of float
         Ascending; the next one is tried where there was not enough work for one.
     work : float
@@ -150,10 +150,24 @@ def proven_box(
     return BoxProof(top, seen, around, left.number, exceeded=above is not None)
 
 
+def keeps_stable(
+    plant: Plant, uncertainty: Uncertainty, performance: Performance, loops: Sequence[Controller]
+) -> bool:
+    """Whether no pole crosses the axis while the effect of the units on each other grows from 0.
+
+    Parameters as of `proven_box`. F > 0 for any level keeps det(I + G C) from 0.
+    """
+    half = coupled(plant, 0.5)
+    growing = [Parameter("interaction", 1.0, None)]
+    return proven_box(
+        half, uncertainty, performance, loops, growing, levels=(ANY_LEVEL,)
+    ).proven  # fmt: skip
+
+
 def _beyond(plant: Plant, uncertainty: Uncertainty) -> str | None:
     """Return why a plant is beyond this proof."""
-    if isinstance(plant, NeighbourPlant | MeasuredPlant):
-        return "rings, rows and measured responses are not proven"
+    if isinstance(plant, MeasuredPlant):
+        return "measured responses are not proven"
     if uncertainty.outputs is not None:
         return "where outputs err it is not proven"
     if any(e.feedthrough != 0 and e.dead_time > 0 for e in plant.elements if not e.is_zero):
