@@ -63,6 +63,23 @@ def _begin_processes() -> None:
     forking.begin()
 
 
+def _check_settings() -> None:
+    """End where a setting has a value that it cannot have, before anything is started."""
+    from service.jobs import forking  # noqa: PLC0415 - as above
+
+    forking.limit_threads()
+    from service.cli.outcomes import ExitCode, reported  # noqa: PLC0415 - NumPy comes with it
+    from service.configuration import Configuration  # noqa: PLC0415 - likewise
+
+    @reported
+    def check() -> ExitCode:
+        Configuration()
+        return ExitCode.DONE
+
+    if code := check():
+        raise typer.Exit(code)
+
+
 @app.callback()
 def _options(
     *,
@@ -388,6 +405,7 @@ def serve(
     ] = None,
 ) -> None:
     """Serve the HTTP API and the page."""
+    _check_settings()
     _begin_processes()
     from service.cli.serving import serve as run  # noqa: PLC0415 - heavy
 
@@ -406,6 +424,7 @@ def worker(
 
     On MUTUNE_WORKERS processes, by default one a core; until stopped.
     """
+    _check_settings()
     _begin_processes()
     from service.cli.worker import work  # noqa: PLC0415 - heavy
 

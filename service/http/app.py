@@ -108,6 +108,7 @@ def create_app(configuration: Configuration | None = None) -> FastAPI:
     app.state.configuration = configuration or Configuration()
     app.state.metrics = RequestMetrics()
     app.state.on_their_way = 0  # bytes of long answers
+    app.state.parsing = asyncio.Semaphore(1)  # of long bodies
     errors.install(app)
     keys = app.state.configuration.api_keys_file
     app.state.keys = None if keys is None else KeyFile(keys)

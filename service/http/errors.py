@@ -55,7 +55,7 @@ async def _to_response(request: Request, error: Exception) -> Response:
     problem = _translated(error)
     if isinstance(problem, MethodError):
         # The router names the methods of the first route with this path only.
-        problem.headers["allow"] = ", ".join(_methods(request))
+        problem.headers = {"Allow": ", ".join(_methods(request))}
     return problem_response(problem)
 
 

@@ -61,3 +61,4 @@ forking.tell("")
 # shared: what is here now it need not look at.
 gc.collect()
 gc.freeze()
+forking.let_go("llvmlite")

@@ -6,8 +6,11 @@ in memory once. Then each does the rest of its imports beside the other.
 
 from __future__ import annotations
 
+import ctypes
 import gc
+import mmap
 import os
+import re
 import signal
 import sys
 import threading
@@ -15,9 +18,10 @@ import traceback
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from multiprocessing import forkserver, resource_tracker, util
+from pathlib import Path
 from typing import Any
 
-__all__ = ["begin", "listen", "progress", "start", "tell"]
+__all__ = ["begin", "let_go", "limit_threads", "listen", "progress", "start", "tell"]
 
 _VARIABLE = "MUTUNE_START_PROGRESS"  # for the server alone: where it tells how far it is
 _SIZE = 200
@@ -32,7 +36,19 @@ _THREADS = (
 )
 
 
+_MAPPING = re.compile(
+    r"^(?P<start>[0-9a-f]+)-(?P<end>[0-9a-f]+) (?P<rights>\S+) .* (?P<path>/.*)\n"
+    r"(?:[A-Z].*\n)*?Anonymous: +(?P<own>\d+) kB$",
+    re.MULTILINE,
+)
+
 _kept: dict[str, int] = {}  # the file in memory that the server writes to, once there is one
+
+
+def limit_threads() -> None:
+    """Have numerical libraries that are imported from now on compute on one thread."""
+    for name in _THREADS:
+        os.environ[name] = "1"
 
 
 def start() -> None:
@@ -40,8 +56,7 @@ def start() -> None:
 
     Like `begin` it does not wait until the server has done its imports.
     """
-    for name in _THREADS:
-        os.environ[name] = "1"
+    limit_threads()
     listen()
     forkserver.set_forkserver_preload(["service.jobs.fork_server"])
     forkserver.ensure_running()
@@ -49,8 +64,7 @@ def start() -> None:
 
 def begin() -> None:
     """Start the server from this process, which has done nothing yet but for its imports."""
-    for name in _THREADS:
-        os.environ[name] = "1"
+    limit_threads()
     # A fork takes no threads along, and only on Linux do the system's libraries bear it.
     if sys.platform == "linux" and threading.active_count() == 1:
         from service import registry  # noqa: PLC0415 - after the variables
@@ -128,3 +142,24 @@ def tell(text: str) -> None:
         return
     os.pwrite(descriptor, text.encode().ljust(_SIZE)[:_SIZE], 0)
     os.close(descriptor)
+
+
+def let_go(name: str) -> None:
+    """Give back the pages of a library's code, which are read again where they are needed.
+
+    Loading the kernels goes through 70 MB of the compiler's library, and nothing else needs them.
+
+    Parameters
+    ----------
+    name : str
+        In the path of the library.
+
+    """
+    if sys.platform != "linux":
+        return
+    advise = ctypes.CDLL(None).madvise
+    for mapping in _MAPPING.finditer(Path("/proc/self/smaps").read_text()):
+        start, end = (int(mapping[each], 16) for each in ("start", "end"))
+        # What nobody writes to, nor has written to, is what the file holds.
+        if name in mapping["path"] and "w" not in mapping["rights"] and mapping["own"] == "0":
+            advise(ctypes.c_void_p(start), ctypes.c_size_t(end - start), mmap.MADV_DONTNEED)

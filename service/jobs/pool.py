@@ -46,8 +46,8 @@ class Pool:
     """A few processes, each with one computation at a time.
 
     There are two lanes. Every computation begins in the quick one. What has not ended there after
-    `_QUICK` seconds goes on in the patient one, or starts again there when it has its turn: those
-    who ask for little do not wait for those who ask for much.
+    `_QUICK` seconds of its process goes on in the patient one, or starts again there when it has
+    its turn: those who ask for little do not wait for those who ask for much.
 
     Parameters
     ----------
@@ -117,6 +117,7 @@ class Pool:
         try:
             async with share, self._quick:
                 process = self._idle.pop() if self._idle else _Process(self._memory_limit)
+                await process.start()  # how long that takes is no fault of who asks
                 running = asyncio.create_task(process.run(*work))
                 done, _ = await asyncio.wait({running}, timeout=_QUICK)
                 if done:
@@ -163,15 +164,23 @@ class _Process:
         self._executor: Executor | None = None
         self._pid: int | None = None
 
+    async def start(self) -> None:
+        """Have the process there."""
+        if self._executor is not None:
+            return
+        self._executor = ProcessPoolExecutor(1, processes.prepare(), initializer=_leave_signals)
+        try:
+            loop = asyncio.get_running_loop()
+            self._pid = await loop.run_in_executor(self._executor, os.getpid)
+        except (BrokenProcessPool, asyncio.CancelledError):
+            self.kill()
+            raise
+
     async def run(self, function: Callable[..., bytes], *args: object) -> bytes:
         loop = asyncio.get_running_loop()
         watching: asyncio.Task[None] | None = None
         try:
-            if self._executor is None:
-                self._executor = ProcessPoolExecutor(
-                    1, processes.prepare(), initializer=_leave_signals
-                )
-                self._pid = await loop.run_in_executor(self._executor, os.getpid)
+            await self.start()
             watching = asyncio.create_task(self._watch())
             return await loop.run_in_executor(self._executor, function, *args)
         except BrokenProcessPool:

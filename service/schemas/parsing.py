@@ -31,6 +31,7 @@ _Model = TypeVar("_Model", bound=BaseModel)
 
 _MAX_FAULTS = 20
 _LOOKED_AT = 60  # some of them say the same
+_MANY, _FIRST = 20_000, 50  # faults beyond which the first entries of each list stand for it
 _MEANT = "no such field; did you mean "
 
 
@@ -77,9 +78,9 @@ def parse(model: type[_Model], text: bytes | str) -> _Model:
     try:
         parsed = model.model_validate_json(text)
     except ValidationError as error:
-        # Whoever sends ten thousand faults gets the first ones: words for each cost a millisecond.
-        details = error.errors(include_url=False, include_input=False)[:_LOOKED_AT]
         value = _value(text)
+        # Whoever sends ten thousand faults gets the first ones: words for each cost a millisecond.
+        details = _details(model, error, value)[:_LOOKED_AT]
         found = []
         for item in details:
             place = _place(item["loc"], item["type"], value)
@@ -92,6 +93,31 @@ def parse(model: type[_Model], text: bytes | str) -> _Model:
         ) from None
     _refuse_repetition(text)
     return parsed
+
+
+def _details(model: type[BaseModel], error: ValidationError, value: object) -> list[ErrorDetails]:
+    """Return what is wrong with a JSON value; of very many faults some of the first ones.
+
+    A kilobyte is needed for each: half a gigabyte for those of a body of one megabyte.
+    """
+    if error.error_count() > _MANY:
+        try:
+            model.model_validate_json(json.dumps(_shortened(value)))
+        except ValidationError as shorter:
+            error = shorter
+        else:
+            message = f"{error.error_count()} faults, none of them among the first of their lists"
+            return [{"type": "value_error", "loc": (), "msg": message, "input": None}]
+    return error.errors(include_url=False, include_input=False)
+
+
+def _shortened(value: object) -> object:
+    """Return a JSON value with the first entries of its lists."""
+    if isinstance(value, list):
+        return [_shortened(each) for each in value[:_FIRST]]
+    if isinstance(value, dict):
+        return {key: _shortened(each) for key, each in value.items()}
+    return value
 
 
 def parse_batch_tuning(text: bytes | str) -> BatchTuningRequest:

@@ -51,7 +51,7 @@ def test_workers_and_scheduler_come_and_go_while_a_batch_runs(
     service = Service(tmp_path, MUTUNE_SCHEDULER=address)
     stack.callback(service.end)
     until(service.is_ready, "the first worker")
-    tunings = [tuning(SLOW, starts=30 + number) for number in range(30)]
+    tunings = [tuning(SLOW, starts=30 + number) for number in range(12)]
     batch = service.client.post("/v1/batches", json={"tunings": tunings}).json()
 
     def finished() -> int:
@@ -68,7 +68,7 @@ def test_workers_and_scheduler_come_and_go_while_a_batch_runs(
     first_scheduler.kill()
     scheduler()
     lines = service.client.get(batch["links"]["results"]).text.splitlines()
-    assert [json.loads(line)["result"]["tau_p"] for line in lines] == [float(SLOW)] * 30
+    assert [json.loads(line)["result"]["tau_p"] for line in lines] == [float(SLOW)] * 12
 
 
 def test_worker_on_another_host_computes(stack: ExitStack, tmp_path: Path) -> None:
@@ -121,11 +121,12 @@ def test_second_service_takes_over_when_the_first_is_killed(
         folder.mkdir()
         service = Service(folder, MUTUNE_DATABASE_URL=url, MUTUNE_WORKERS="1")
         stack.callback(service.end)
-        until(service.is_ready, f"service {name}")
+        until(service.is_up, f"service {name}")
         services.append(service)
     first, second = services
     # The first one came first, so it leads; the second one accepts and shows all the same.
-    tunings = [tuning(SLOW, starts=40 + number) for number in range(12)]
+    until(first.is_ready, "its worker")
+    tunings = [tuning(SLOW, starts=20 + number) for number in range(12)]
     batch = second.client.post("/v1/batches", json={"tunings": tunings}).json()
     until(lambda: _succeeded(second, batch["links"]["self"]) >= 3, "results")
     first.kill()

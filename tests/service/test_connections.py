@@ -71,6 +71,17 @@ def test_whoever_says_nothing_keeps_nobody_out(address: tuple[str, int]) -> None
             silent[-1].recv(1)
 
 
+@pytest.mark.parametrize("said", [b"", b"GET / HTTP/1.1\r\nHo"])
+def test_whoever_sends_no_request_is_let_go(
+    address: tuple[str, int], monkeypatch: pytest.MonkeyPatch, said: bytes
+) -> None:
+    """A connection without a whole head is closed after a time that ten seconds stand for here."""
+    monkeypatch.setattr(connections, "_HEAD_SECONDS", 0.2)
+    with socket.create_connection(address, timeout=20) as silent:
+        silent.sendall(said)
+        assert has_ended(silent)
+
+
 def test_whoever_takes_nothing_is_let_go(
     address: tuple[str, int], monkeypatch: pytest.MonkeyPatch
 ) -> None:

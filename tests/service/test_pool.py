@@ -6,10 +6,13 @@ import asyncio
 import json
 import os
 import time
+from pathlib import Path
 from typing import Any
 
 import pytest
+from real import PATIENCE
 
+from service.jobs import pool as pool_module
 from service.jobs.pool import Pool, to_json
 from service.problems import (
     AnalysisMemoryError,
@@ -41,9 +44,10 @@ def greedy() -> dict[str, Any]:
     return {"bytes": sum(map(len, blocks))}
 
 
-def slow(seconds: float) -> dict[str, Any]:
-    time.sleep(seconds)
-    return {"slept": seconds}
+def held(end: str) -> dict[str, Any]:
+    while not Path(end).exists():
+        time.sleep(0.02)
+    return {"held": True}
 
 
 def test_numbers_out_of_range_are_the_fault_of_the_request() -> None:
@@ -96,38 +100,40 @@ def test_what_takes_too_much_memory_is_ended_and_says_so() -> None:
     assert json.loads(asyncio.run(run()))["doubled"] == 4.0
 
 
-def test_who_asks_for_little_does_not_wait_for_those_who_ask_for_much() -> None:
-    """Behind three computations of eight seconds, a short one takes about three; all end well."""
+def test_who_asks_for_little_does_not_wait_for_those_who_ask_for_much(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Behind three computations that have no end yet a short one has its result; all end well."""
+    monkeypatch.setattr(pool_module, "_QUICK", 0.2)
+    end = tmp_path / "end"
 
-    async def run() -> tuple[list[str], list[dict[str, Any]]]:
-        pool = Pool(1, time_limit=300.0, memory_limit=10**9)
-        ended: list[str] = []
-
-        async def ask(name: str, seconds: float) -> dict[str, Any]:
-            found: dict[str, Any] = json.loads(await pool.run("", slow, seconds))
-            ended.append(name)
-            return found
-
+    async def run() -> list[bytes]:
+        pool = Pool(1, time_limit=PATIENCE, memory_limit=10**9)
         try:
             await pool.run("", doubled, 1.0)
-            asking = [ask(f"long {number}", 8.0) for number in range(3)]
-            return ended, await asyncio.gather(*asking, ask("short", 0.01))
+            waiting = [asyncio.create_task(pool.run("", held, str(end))) for _ in range(3)]
+            await asyncio.sleep(0)  # they come first
+            short = await pool.run("", doubled, 2.0)
+            assert not any(each.done() for each in waiting)
+            end.touch()
+            return [short, *await asyncio.gather(*waiting)]
         finally:
             await pool.close()
 
-    ended, found = asyncio.run(run())
-    assert ended[0] == "short"
-    assert [each["slept"] for each in found] == [8.0, 8.0, 8.0, 0.01]
+    short, *others = asyncio.run(run())
+    assert json.loads(short)["doubled"] == 4.0
+    assert [json.loads(each) for each in others] == [{"held": True}] * 3
 
 
-def test_computation_that_nobody_waits_for_ends() -> None:
+def test_computation_that_nobody_waits_for_ends(monkeypatch: pytest.MonkeyPatch) -> None:
     """Cancelled in either lane, it leaves its process to the next one."""
+    monkeypatch.setattr(pool_module, "_QUICK", 0.2)
 
     async def run() -> bytes:
         pool = Pool(1, time_limit=300.0, memory_limit=10**9)
         try:
             await pool.run("", doubled, 1.0)
-            for patience in (0.2, 2.0):
+            for patience in (0.1, 0.6):
                 leaving = asyncio.create_task(pool.run("", endless))
                 await asyncio.sleep(patience)
                 leaving.cancel()

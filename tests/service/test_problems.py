@@ -6,7 +6,9 @@ import httpx
 import pytest
 from samples import TUNING, altered, tuning
 
+from service.analyses.controller_forms.request import ControllerFormsRequest
 from service.schemas import RequestError, parse_tuning_request
+from service.schemas.parsing import parse
 
 PATH = "/v1/tunings"
 UNSTABLE = "the plant is open-loop unstable (pole at 1); stabilise it with an inner loop first"
@@ -128,6 +130,26 @@ def test_unknown_path_and_method_are_problems(client: httpx.Client) -> None:
         assert response.status_code == status
         assert response.headers["content-type"] == "application/problem+json"
         assert response.json()["status"] == status
+
+
+def test_refused_method_is_told_which_there_are(client: httpx.Client) -> None:
+    """One Allow header, with the methods of all routes of the path."""
+    assert client.put(PATH, json={}).headers.get_list("allow") == ["GET, POST"]
+
+
+@pytest.mark.parametrize("right", [0, 60])
+def test_of_very_many_faults_the_first_are_told(right: int) -> None:
+    """A list of 30,000 wrong entries names some of the first, or how many there are."""
+    loops = [{"gain": 1.0, "integral_time": 2.0}] * right + [1] * 30_000
+    with pytest.raises(RequestError) as caught:
+        parse(ControllerFormsRequest, json.dumps({"loops": loops}))
+    (first, *others) = caught.value.faults
+    if right:
+        assert first.detail.startswith("30000 faults")
+        assert not others
+    else:
+        assert first.pointer == "/loops/0"
+        assert len(others) == 19
 
 
 def test_all_faults_are_reported_at_once(client: httpx.Client) -> None:

@@ -8,7 +8,6 @@ import socket
 import sqlite3
 import ssl
 import stat
-import time
 from collections.abc import Iterator
 from contextlib import ExitStack, closing
 from pathlib import Path
@@ -54,6 +53,7 @@ def test_second_service_and_newer_database_and_private_files(
     status, line = refused(stack, elsewhere, MUTUNE_DATA_DIR=str(data))
     assert status == 5
     assert "another mutune serves from" in line
+    assert first.is_up()
 
     job = first.client.post("/v1/tunings", json=tuning(SLOW, starts=60)).json()
     with first.client.stream("GET", job["links"]["events"]) as events:
@@ -98,7 +98,7 @@ def test_setting_that_cannot_be_is_named(
 def test_database_that_never_answers(stack: ExitStack, tmp_path: Path) -> None:
     """It is waited for, as long as the settings say; then exit status 5, without the password."""
     url = f"postgresql+psycopg://user:secret@127.0.0.1:{free_port()}/mutune"
-    status, line = refused(stack, tmp_path, MUTUNE_DATABASE_URL=url, MUTUNE_START_WAIT="2")
+    status, line = refused(stack, tmp_path, MUTUNE_DATABASE_URL=url, MUTUNE_START_WAIT="1")
     assert status == 5
     assert "does not answer" in line
     text = (tmp_path / "service.log").read_text()
@@ -106,8 +106,8 @@ def test_database_that_never_answers(stack: ExitStack, tmp_path: Path) -> None:
     assert "secret" not in text
 
 
-def test_https_and_connections_that_say_nothing(stack: ExitStack, tmp_path: Path) -> None:
-    """A certificate serves HTTPS; who sends no request within ten seconds is let go."""
+def test_https(stack: ExitStack, tmp_path: Path) -> None:
+    """A certificate serves HTTPS."""
     files = certificates(tmp_path)
     port = free_port()
     service = Process(
@@ -129,13 +129,5 @@ def test_https_and_connections_that_say_nothing(stack: ExitStack, tmp_path: Path
             return False
 
     until(answers, "HTTPS")
-    with (
-        socket.create_connection(("127.0.0.1", port), timeout=30) as plain,
-        context.wrap_socket(plain, server_hostname="mutune") as silent,
-    ):
-        started = time.monotonic()
-        silent.sendall(b"GET /healthz HTTP/1.1\r\n")
-        assert silent.recv(1) == b""
-        assert time.monotonic() - started < 20
     os.kill(service.pid, signal.SIGTERM)
     service.wait()
