@@ -126,8 +126,8 @@ def step_remarks(
                 said.setdefault(text, []).append(unit)
         for text, units in said.items():
             yield (
-                f"The input of {loops_text(units)} moves by up to {text}. With limits in the "
-                "request the simulation shows what the loops do then."
+                f"The input of {loops_text(units)} moves by up to {text}. With the valve at its "
+                "limits the loops do what the thin lines show."
             )
 
 

@@ -44,7 +44,7 @@ def _figure(tuned: RequestedTuning, title: str, moved: Sequence[Moves]) -> go.Fi
     panels = Panels(
         title,
         f"Each loop stepped by {steps} on its own, all loops closed: its output above, its input "
-        "below. Shaded: the range over plants of the uncertainty set that were tried."
+        "below. Shaded: the range over plants of the set that were tried."
         + (" Thin: the input within half its span." if limited else "")
         + (f" Shown are {SHOWN} of {kinds} unlike loops." if kinds > SHOWN else ""),
         rows=2,

@@ -5,6 +5,8 @@ Those to set-point steps in the form of Skogestad, Lundstrom and Hovd (1989), fi
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import plotly.graph_objects as go
 
 from service.figures.panels import Panels
@@ -27,6 +29,8 @@ def step_response(result: DrawnStepResponse, unit: str = TIME_UNIT) -> go.Figure
     _add_set_points(panels, result, 1)
     _add(panels, result, "output", 1, numbered)
     _add(panels, result, "input", 2, numbered)
+    if result.limited is not None:
+        _add_limited(panels, result.limited.time, result.limited.responses, 2, numbered)
     panels.shared_x(time_title(unit))
     panels.y(1, OUTPUT)
     panels.y(2, INPUT)
@@ -53,12 +57,8 @@ def tuned_response(title: str, description: str, case: Case, unit: str = TIME_UN
         for response in other.responses:
             panels.curve(other.time, response.output, name, style)
             panels.curve(other.time, response.input, name, style, row=last)
-    for response in case.limited.responses if case.limited is not None else ():
-        name = loops_text(response.units)
-        style = line(numbered.setdefault(name, len(numbered))) | {"width": 1}
-        label = f"{name}, valve at its limits"
-        panels.curve(nominal.time, response.output, label, style)
-        panels.curve(nominal.time, response.input, label, style, row=last)
+    if case.limited is not None:
+        _add_limited(panels, nominal.time, case.limited.responses, last, numbered)
     panels.shared_x(time_title(unit))
     panels.y(1, "y, nominal<br>(output units)")
     panels.y(last, "u, nominal<br>(input units)")
@@ -73,6 +73,22 @@ def _add(
         name = loops_text(response.units)
         style = line(numbered.setdefault(name, len(numbered)))
         panels.curve(result.time, getattr(response, signal), name, style, row=row)
+
+
+def _add_limited(
+    panels: Panels,
+    time: Sequence[float | None],
+    responses: Sequence[DrawnUnits],
+    last: int,
+    numbered: dict[str, int],
+) -> None:
+    """Add thin lines: outputs and inputs with the valve at its limits."""
+    for response in responses:
+        name = loops_text(response.units)
+        style = line(numbered.setdefault(name, len(numbered))) | {"width": 1}
+        label = f"{name}, valve at its limits"
+        panels.curve(time, response.output, label, style)
+        panels.curve(time, response.input, label, style, row=last)
 
 
 def _add_set_points(panels: Panels, result: DrawnStepResponse, row: int) -> None:

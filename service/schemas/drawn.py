@@ -95,8 +95,8 @@ class DrawnUnits(Drawn):
     input: Series = Field(description="Input.", examples=[[40.0, 1.2]])
 
 
-class DrawnStepResponse(Drawn):
-    """Time responses."""
+class DrawnTraces(Drawn):
+    """Signals over time, all of one length."""
 
     time: Series = Field(description="Times.", examples=[[0.0, 10.0]])
     responses: Annotated[list[DrawnUnits], Field(max_length=MAX_TRACES)] = Field(
@@ -110,3 +110,13 @@ class DrawnStepResponse(Drawn):
                 self.time, set_point=each.set_point, output=each.output, input=each.input
             )
         return self
+
+
+class DrawnStepResponse(DrawnTraces):
+    """Time responses."""
+
+    limited: DrawnTraces | None = Field(
+        default=None,
+        description="The same with each input within the range of its valve.",
+        examples=[None],
+    )

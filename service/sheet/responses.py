@@ -1,8 +1,10 @@
 """How each loop moves after a set-point step and after a load, all loops closed.
 
-The model as given, today's and identical settings beside it, and a band over plants of the
-uncertainty set: the inputs off by the whole weight up, down and in turns, and the perturbation that
-is worst for robust performance. The band is drawn from these plants; it proves nothing of others.
+The model as given, today's and identical settings beside it, and a band over plants that the
+settings must serve: the inputs off by the whole weight up, down and in turns, and the perturbation
+that is worst for robust performance; the sensors off by their weights; corners and worst plant of a
+spread; plants of scenarios with all loops in service. The band is drawn from these plants; it
+proves nothing of others.
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ from service.sheet.naming import instrument_of
 from service.tuned import RequestedTuning
 from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError
-from solver.model.plants import Plant
+from solver.model.plants import MAX_MATRIX_SIZE, MatrixPlant, Plant
 from solver.model.subsystems import interchangeable
 from solver.model.transfer_function import TransferFunction
 from solver.simulation.actuators import Actuators, OwnActuators
@@ -155,7 +157,7 @@ def moves(tuned: RequestedTuning, others: dict[str, tuple[Controller, ...]]) -> 
                 units,
                 task.step.size,
                 given,
-                _band([task.response(tuned.loops, duration, actuators=each) for each in band]),
+                _band([task.response(tuned.loops, duration, other=each) for each in band]),
                 {
                     name: task.response(loops, duration) if name in stable else None
                     for name, loops in others.items()
@@ -237,22 +239,22 @@ class _Task:
         loops: Sequence[Controller],
         duration: float,
         *,
-        actuators: Actuators | None = None,
+        other: _Other | None = None,
         limit: float | None = None,
         samples: int = 501,
     ) -> Response:
-        """Simulate."""
+        """Simulate, with an `other` plant or other actuators than those of the task."""
         limits = None
         if limit is not None:
             limits = (Limits(-limit, limit),) * self.tuned.plant.n
         found = step_response(
             Experiment(
-                self.tuned.plant,
+                self.tuned.plant if other is None else other.plant,
                 tuple(Loop.of(loop) for loop in loops),
                 (self.step,),
                 duration,
                 samples=samples,
-                actuators=actuators,
+                actuators=None if other is None else other.actuators,
                 limits=limits,
             )
         )
@@ -290,24 +292,82 @@ def _band(runs: Sequence[Response]) -> Band | None:
     )
 
 
-def _plants_of_the_set(tuned: RequestedTuning) -> Iterator[Actuators]:
+@dataclass(frozen=True)
+class _Other:
+    """A plant that the settings must serve, and what its actuators do."""
+
+    plant: Plant
+    actuators: Actuators | None = None
+
+
+def _plants_of_the_set(tuned: RequestedTuning) -> Iterator[_Other]:
+    """Yield plants of the set, those of each kind first that are worst."""
+    yield from _with_actuators(tuned)
+    yield from _of_spread(tuned)
+    for scenario in tuned.arranged.scenarios:
+        everywhere = scenario.in_service is None and scenario.any_in_service is None
+        if scenario.plant is not None and everywhere:
+            yield _Other(scenario.plant)
+    yield from _with_sensors(tuned)
+
+
+def _of_spread(tuned: RequestedTuning) -> Iterator[_Other]:
+    """Yield the worst plant of a spread, then its corners."""
+    spread, outcome = tuned.arranged.spread, tuned.result.spread
+    if spread is None:
+        return
+    axes = spread.axes(tuned.plant)
+    if outcome is not None and axes:
+        shares = [outcome.worst.get(axis.title, 0.0) / axis.width for axis in axes]
+        yield _Other(spread.plant_at(tuned.plant, tuple(shares)))
+    for corner in spread.corners(tuned.plant):
+        yield _Other(spread.plant_at(tuned.plant, corner))
+
+
+def _off(weight: TransferFunction, sign: int) -> TransferFunction:
+    """Return 1 + w or 1 - w: Delta is I or -I; only the magnitude of w is given, no dead time."""
+    return TransferFunction(tuple(np.polyadd(weight.den, sign * np.array(weight.num))), weight.den)
+
+
+def _with_sensors(tuned: RequestedTuning) -> Iterator[_Other]:
+    """Yield plants seen by sensors that are off, all up and all down."""
+    outputs, plant = tuned.uncertainty.outputs, tuned.plant
+    if outputs is None or plant.n > MAX_MATRIX_SIZE:
+        return
+    for sign in (1, -1):
+        rows = [
+            [_product(_off(outputs.weight_of(row), sign), element) for element in elements]
+            for row, elements in enumerate(plant.rows)
+        ]
+        yield _Other(MatrixPlant(rows))
+
+
+def _product(first: TransferFunction, element: TransferFunction) -> TransferFunction:
+    """Return both in series."""
+    if element.is_zero:
+        return element
+    return TransferFunction(
+        tuple(np.polymul(first.num, element.num)),
+        tuple(np.polymul(first.den, element.den)),
+        element.dead_time,
+    )
+
+
+def _with_actuators(tuned: RequestedTuning) -> Iterator[_Other]:
     """Yield actuators within the uncertainty: the worst, all up, all down, in turns."""
-    n = tuned.plant.n
+    n, plant = tuned.plant.n, tuned.plant
 
     def off(unit: int, sign: int) -> TransferFunction:
-        # 1 + w and 1 - w: Delta_I = I and -I; only the magnitude of w is given, so no dead time.
-        weight = tuned.uncertainty.weight_of(unit)
-        return TransferFunction(
-            tuple(np.polyadd(weight.den, sign * np.array(weight.num))), weight.den
-        )
+        return _off(tuned.uncertainty.weight_of(unit), sign)
 
     try:
-        worst = worst_actuators(tuned.plant, tuned.loops, tuned.uncertainty, tuned.performance)
+        worst = worst_actuators(plant, tuned.loops, tuned.uncertainty, tuned.performance)
     except InvalidInputError:
         worst = None
     if worst is not None:
-        yield worst
-    yield OwnActuators(tuple(off(unit, 1) for unit in range(n)))
-    yield OwnActuators(tuple(off(unit, -1) for unit in range(n)))
+        yield _Other(plant, worst)
+    yield _Other(plant, OwnActuators(tuple(off(unit, 1) for unit in range(n))))
+    yield _Other(plant, OwnActuators(tuple(off(unit, -1) for unit in range(n))))
     if n > 1:
-        yield OwnActuators(tuple(off(unit, 1 if unit % 2 == 0 else -1) for unit in range(n)))
+        in_turns = (off(unit, 1 if unit % 2 == 0 else -1) for unit in range(n))
+        yield _Other(plant, OwnActuators(tuple(in_turns)))

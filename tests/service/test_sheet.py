@@ -60,6 +60,33 @@ def test_measures_are_those_of_the_curves() -> None:
     assert found[2].given.input[-1] == pytest.approx(-1, abs=0.05)
 
 
+@pytest.mark.parametrize(
+    "more",
+    [
+        {"spread": {"gain": 0.3}},
+        {"uncertainty": {"epsilon": 0.1, "theta": 0.1, "outputs": {"epsilon": 0.2, "theta": 0.1}}},
+    ],
+)
+def test_the_band_holds_plants_of_a_spread_and_sensors_that_are_off(more: dict[str, Any]) -> None:
+    """It is wider than that of the inputs' errors alone, of the same settings."""
+    one = {
+        "plant": {"kind": "first_order", "n": 1, "gain": 1.0, "time_constant": 10.0,
+                  "dead_time": 1.0, "interaction": 0.0},
+        "uncertainty": {"epsilon": 0.1, "theta": 0.1},
+        "search": {"starts": 2},
+    }  # fmt: skip
+    request = parse_tuning_request(json.dumps({**one, **more}).encode())
+    record = RequestedTuning.of(request, tune(request.build()), "min")
+    plain = RequestedTuning(parse_tuning_request(json.dumps(one).encode()), record.result, "min")
+    wide, narrow = (next(moves(each, {})).band for each in (record, plain))
+    assert wide is not None
+    assert narrow is not None
+    time = narrow.time[: wide.time.size]
+    for index, sign in ((0, -1), (1, 1)):
+        outer = np.interp(time, wide.time, wide.output[index])
+        assert (sign * (outer - narrow.output[index][: time.size])).max() > 0.01
+
+
 def test_the_band_holds_every_plant_that_was_tried() -> None:
     """The nominal response of identical loops lies between those with the inputs off both ways."""
     step = next(moves(tuned("boilers"), {}))

@@ -12,8 +12,9 @@ from typer.testing import CliRunner
 from service import simulations
 from service.analyses.step_response import StepResponseRequest, compute
 from service.cli.commands import app
-from service.figures.responses import tuned_response
+from service.figures.responses import step_response, tuned_response
 from service.schemas import TuningResult, parse_tuning_request
+from service.schemas.drawn import DrawnStepResponse
 from service.schemas.fields import Instrument
 from service.schemas.parsing import parse
 from service.tuned import RequestedTuning
@@ -51,6 +52,26 @@ def test_a_simulated_input_beyond_its_valve_is_told() -> None:
     with pytest.raises(InvalidInputError) as caught:
         steps(instruments=narrow * 3)
     assert caught.value.field == "/instruments"
+
+
+def test_responses_within_the_valves_stand_beside_those_beyond() -> None:
+    """As with limits of half the span in the request, drawn as thin lines; else nothing."""
+    body = {"plant": PLANT, "loops": LOOPS, "steps": [{"kind": "load", "unit": 0, "size": 60.0}],
+            "duration": 100.0}  # fmt: skip
+    narrow = [{"input_span": 80.0}]
+    beside = compute(parse(StepResponseRequest, json.dumps({**body, "instruments": narrow})))
+    limits = [{"low": -40.0, "high": 40.0}] * 2
+    asked = compute(parse(StepResponseRequest, json.dumps({**body, "limits": limits})))
+    assert beside["limited"]["responses"] == asked["responses"]
+    assert beside["responses"] != asked["responses"]
+    assert "limited" not in asked
+    wide = compute(
+        parse(StepResponseRequest, json.dumps({**body, "instruments": [{"input_span": 1e4}]}))
+    )
+    assert "limited" not in wide
+    drawn = DrawnStepResponse.model_validate(beside)
+    names = {trace.name for trace in step_response(drawn).data}
+    assert any("valve at its limits" in str(name) for name in names)
 
 
 def test_what_a_unit_step_asks_for_follows_from_settings_and_plant() -> None:

@@ -14,7 +14,7 @@ from service.effort import Effort, of_different_loops
 from service.printing import Grid, Line, Part, warning_lines
 from service.schemas.drawn import DrawnStepResponse
 from service.schemas.encoding import encode
-from service.valves import step_remarks
+from service.valves import limits_of, step_remarks
 from service.wording import number, units_text
 
 __all__ = ["ANALYSIS", "EXAMPLE", "StepResponseRequest", "StepResponseResult"]
@@ -38,7 +38,10 @@ def compute(request: StepResponseRequest) -> dict[str, Any]:
     n = experiment.plant.n
     limits = experiment.limits or (None,) * n
     limited = [limit is not None for limit in limits]
-    document["warnings"] = list(step_remarks(request.signals(n), limited, found))
+    signals = request.signals(n)
+    document["warnings"] = list(step_remarks(signals, limited, found))
+    if document["warnings"] and experiment.limits is None and experiment.controller is None:
+        document["limited"] = encode(task.within(limits_of(signals)).simulate())
     return document
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -11,6 +12,7 @@ from pydantic import ConfigDict, Field, JsonValue
 import solver.model.plants
 import solver.model.weights
 import solver.simulation.directions
+import solver.simulation.loops
 import solver.simulation.step_response
 from service.schemas.arrangement import ArrangedRequest
 from service.schemas.fields import (
@@ -121,6 +123,13 @@ class StepResponseTask:
         with below("/perturbation"):
             perturbed = with_worst_actuators(self.experiment, *self.demand)
         return solver.simulation.step_response.step_response(perturbed)
+
+    def within(self, halves: Sequence[float | None]) -> StepResponseTask:
+        """Return the same with each input kept so far to either side; None: it is free."""
+        limits = tuple(
+            None if half is None else solver.simulation.loops.Limits(-half, half) for half in halves
+        )
+        return replace(self, experiment=replace(self.experiment, limits=limits))
 
 
 Row = Annotated[tuple[Coefficient, ...], Field(min_length=1, max_length=MAX_MATRIX_SIZE)]

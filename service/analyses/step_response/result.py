@@ -113,6 +113,18 @@ class UnitTraces(BaseModel):
     )
 
 
+class LimitedResponses(BaseModel):
+    """The responses with each input kept within the range of its valve."""
+
+    end: Literal["complete", "bound", "step_limit"] = Field(
+        description="As that of the whole.", examples=["complete"]
+    )
+    time: list[float] = Field(description="Times.", examples=[[0.0, 10.0]])
+    responses: list[UnitTraces] = Field(
+        description="One entry for each kind of unit.", examples=[[]]
+    )
+
+
 class StepResponseResult(IdentifiedResult):
     """Time responses, right up to the last time whatever ended them; samples are right-sided."""
 
@@ -131,4 +143,10 @@ class StepResponseResult(IdentifiedResult):
         default=[],
         description="Inputs that move further than their valves can, where instruments give spans.",
         examples=[[]],
+    )
+    limited: LimitedResponses | None = Field(
+        default=None,
+        description="The same with each input within half its span to either side of rest, where "
+        "instruments give spans, an input moves further, and the request has no limits.",
+        examples=[None],
     )
