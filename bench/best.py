@@ -1,8 +1,9 @@
-"""Is `best` as good as every grouping? ``python bench/best.py [largest n]``.
+"""Is `best` as good as every grouping? ``python bench/best.py [n] [share]``.
 
-Parallel plants of 3 to 6 units: the result of the arrangement "best" beside every partition of the
-units into groups, each searched for itself. Prints by how many per cent it is behind the best of
-them; it may be by what one more group must gain (0.01 %) or unlike settings must (1 %).
+Parallel plants of 3 to 6 units, or of n alone, at four shares of the range of a, or at one: the
+result of the arrangement "best" beside every partition of the units into groups, each searched for
+itself. Prints by how many per cent it is behind the best of them; it may be by what one more group
+must gain (0.01 %) or unlike settings must (1 %).
 """
 
 import sys
@@ -38,8 +39,8 @@ def tau_p(plant, arrangement, sizes=None):
 def main():
     """Print a line a plant."""
     worst = 0.0
-    for n in range(3, 1 + (int(sys.argv[1]) if len(sys.argv) > 1 else 6)):
-        for share in (-0.9, -0.5, 0.5, 0.9):
+    for n in [int(sys.argv[1])] if len(sys.argv) > 1 else range(3, 7):
+        for share in [float(sys.argv[2])] if len(sys.argv) > 2 else (-0.9, -0.5, 0.5, 0.9):
             plant = first_order(n, 1, 100, share if share > 0 else share / (n - 1))
             every = {sizes: tau_p(plant, Arrangement.GROUPED, sizes)[0] for sizes in partitions(n)}
             least = min(every, key=every.get)

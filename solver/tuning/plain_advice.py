@@ -11,6 +11,7 @@ from solver.model.errors import InvalidInputError
 from solver.model.plants import MAX_MATRIX_SIZE
 from solver.model.subsystems import subsystem
 from solver.robustness.axis import proven_peaks
+from solver.simulation.estimated import estimated_overshoot
 from solver.simulation.experiment import Experiment, Step, StepKind
 from solver.simulation.loops import Loop
 from solver.simulation.step_response import step_response
@@ -31,6 +32,7 @@ NOTHING = 1e-4  # per cent, from rounding
 CHIEFLY = 0.6  # share of the weakest direction in one output
 APART = 1.02  # ratio of the two weakest directions from which they are two
 OVERSHOOTS = 0.25
+CALM = 0.15  # estimated overshoot up to which a loop is not simulated
 MOST_ALONE = 4  # different loops that are looked at alone
 ALONE_SHOWN = 3.0  # times tau_P: an overshoot comes early
 NO_WORSE = 1e-5  # of mu: loops whose integral time went to the end of its box differ by as much
@@ -141,10 +143,14 @@ def _alone(specification: Specification, tuning: Tuning) -> Iterator[str]:
         part, loops = subsystem(plant, tuning.loops, group[:1])
         if not is_stable(part, loops):
             continue  # the line on integrity says so
+        shown = ALONE_SHOWN * tau_p
+        about = estimated_overshoot(part, loops[0], shown)
+        if about is not None and about < CALM:
+            continue
         step = Step(StepKind.SETPOINT, 0, 0.0, 1.0)
         closed = (Loop.of(loops[0]),)
         try:
-            response = step_response(Experiment(part, closed, (step,), ALONE_SHOWN * tau_p))
+            response = step_response(Experiment(part, closed, (step,), shown))
         except InvalidInputError:  # no simulation holds the plant
             continue
         change = response.responses[0].metrics.set_point
