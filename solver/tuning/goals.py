@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Goal", "MuGoal", "TauGoal"]
 
+LARGEST_S = 300.0  # e^s and its square times any omega^2 are numbers: penalties may be larger
+
 
 @dataclass(frozen=True)
 class TauGoal:
@@ -44,7 +46,7 @@ class TauGoal:
         self, s: float, omega: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Level needed at `omega` (k,) for tau_P = e^s, and its slope in s."""
-        level, slope = all_demands(s, omega, self.terms)
+        level, slope = all_demands(min(s, LARGEST_S), omega, self.terms)
         return level, slope
 
     def saturated(self, omega: NDArray[np.float64], penalty: float) -> NDArray[np.float64]:

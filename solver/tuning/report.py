@@ -74,8 +74,13 @@ def report(
     search, end = (chosen.search, end) if alike is None else alike
     status = Status.TIME_LIMIT if late else status
     if end is None:
-        reason = "none were found: between the frequencies of the search mu exceeds 1 for all"
-        return infeasible(specification, search.groups, clock, reason, None)
+        assert chosen.candidate is not None  # noqa: S101 - for the type checker
+        slow, _ = search.slowest_demand(search.nearly_feasible(chosen.candidate.theta))
+        reason = (
+            "none were found that keep mu <= 1 on the whole axis: for the nearest ones even an "
+            f"infinitely slow demand peaks at mu = {slow.value:.6g} near omega = {slow.omega:.4g}"
+        )
+        return infeasible(specification, search.groups, clock, reason, slow.omega)
     price = None
     if specification.resolution is not None:
         try:

@@ -420,13 +420,22 @@ class GroupingSearch:
                     self._remember(optimum, optimum.count)
         return bool(self.optima) and self.optima[0].theta is not before
 
+    def nearly_feasible(self, theta: NDArray[np.float64]) -> Evaluation:
+        """Return settings near `theta` with the least peak of mu under an infinitely slow demand.
+
+        On the whole axis: for what is feasible on the grid alone.
+        """
+        feasibility = self.phases.feasibility
+        found = replace(self.exact, objective=feasibility).descend(theta)
+        return feasibility.evaluate(theta if found is None else found.theta)
+
     def slowest_demand(self, here: Evaluation) -> tuple[Peak, Case]:
         """Return the peak of mu under an infinitely slow demand, and the case that has it.
 
         Between the grid's points too.
         """
         exact = replace(self.exact, objective=self.phases.feasibility)
-        found = exact.measure(here.theta, here.value)
+        found = exact.measure(here.theta, here.s)
         mu = np.concatenate(
             [exact.attained(found.theta, peaks, part) for part, peaks in enumerate(found.peaks)]
         )

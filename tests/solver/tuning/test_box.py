@@ -14,7 +14,9 @@ from solver.model.transfer_function import TransferFunction
 from solver.model.weights import Performance, Uncertainty
 from solver.robustness.record import GuaranteeStatus
 from solver.stability.closed_loop import is_stable
+from solver.tuning.goals import TauGoal
 from solver.tuning.record import Status
+from solver.tuning.search import Freedom, GroupingSearch
 from solver.tuning.specification import (
     Arrangement,
     Bounds,
@@ -71,6 +73,22 @@ def test_where_nothing_limits_the_gain_it_is_said(process, kind):
     result = run(plant, kind=kind, uncertainty=Uncertainty.from_error(0.2, 0))
     assert result.tau_p < 1e-4
     assert any("gain -> infinity: nothing in plant" in each for each in result.warnings)
+
+
+def test_just_below_the_least_peak_the_nearest_settings_are_that_near():
+    """Lag and dead time of 1: max_peak 1.010954 at least, at (k, tau_I) = (0.0096, infinity)."""
+    late = ParallelPlant(1, TransferFunction((1,), (1, 1), 1), NONE)
+    task = Specification(late, USUAL, Performance(1.0107))
+    search = GroupingSearch(task, Freedom.usual(task, ((0,),)), lambda _: None)
+    here = search.nearly_feasible(np.log([0.02, 100.0]))
+    assert 1.0002 < search.slowest_demand(here)[0].value < 1.0004
+
+
+def test_a_price_in_the_value_is_no_number_too_large():
+    """The value of settings that miss the demand much has a demand of its own all the same."""
+    level, slope = TauGoal(Performance()).demand(1e5, np.geomspace(1e-9, 1e9, 50))
+    assert np.isfinite(level).all()
+    assert np.isfinite(slope).all()
 
 
 def test_two_integrations_ask_for_a_derivative():
