@@ -21,6 +21,8 @@ from solver.tuning.specification import Objective
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from solver.model.controllers import Controller
+    from solver.model.plants import Plant
     from solver.tuning.beside import AsFound, SettingsTolerance
     from solver.tuning.record import Comparison, Tuning
     from solver.tuning.specification import Specification
@@ -143,20 +145,10 @@ def _alone(specification: Specification, tuning: Tuning) -> Iterator[str]:
         part, loops = subsystem(plant, tuning.loops, group[:1])
         if not is_stable(part, loops):
             continue  # the line on integrity says so
-        shown = ALONE_SHOWN * tau_p
-        about = estimated_overshoot(part, loops[0], shown)
-        if about is not None and about < CALM:
+        overshoot = _overshoot(part, loops[0], ALONE_SHOWN * tau_p)
+        if not overshoot > OVERSHOOTS:
             continue
-        step = Step(StepKind.SETPOINT, 0, 0.0, 1.0)
-        closed = (Loop.of(loops[0]),)
-        try:
-            response = step_response(Experiment(part, closed, (step,), shown))
-        except InvalidInputError:  # no simulation holds the plant
-            continue
-        change = response.responses[0].metrics.set_point
-        if change is None or not change.overshoot > OVERSHOOTS:
-            continue
-        percent = f"{100 * change.overshoot:.0f} %"
+        percent = f"{100 * overshoot:.0f} %"
         if plant.n == 2:
             here, other = group[0] + 1, 2 - group[0]
             yield (
@@ -173,6 +165,20 @@ def _alone(specification: Specification, tuning: Tuning) -> Iterator[str]:
         if len(names) > 1:
             which, verb = f"{', '.join(names[:-1])} and {names[-1]} each", "overshoot"
         yield f"Alone in service {which} {verb} a set-point step by {percent}."
+
+
+def _overshoot(part: Plant, loop: Controller, shown: float) -> float:
+    """Return by how much a loop exceeds a set-point step; 0 where it is small or not known."""
+    about = estimated_overshoot(part, loop, shown)
+    if about is not None and about < CALM:
+        return 0.0
+    step = Step(StepKind.SETPOINT, 0, 0.0, 1.0)
+    try:
+        response = step_response(Experiment(part, (Loop.of(loop),), (step,), shown))
+    except InvalidInputError:  # no simulation holds the plant
+        return 0.0
+    change = response.responses[0].metrics.set_point
+    return 0.0 if change is None else change.overshoot
 
 
 def _beside_today(specification: Specification, tuning: Tuning, today: AsFound) -> Iterator[str]:
