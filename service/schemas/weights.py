@@ -143,22 +143,36 @@ class OutputsOfWeight(_OfWeight):
     """Output uncertainty by its weight w_O(s)."""
 
 
-def _form(value: Any) -> str:  # noqa: ANN401 - whatever the caller sent
-    """Tell the forms apart by a field that only one has."""
+_FORMS = {
+    "own": {"weight"},
+    "both": {"gain_error", "dead_time_error"},
+    "error": {"epsilon", "theta"},
+}
+
+
+def _form(value: Any) -> str | None:  # noqa: ANN401 - whatever the caller sent
+    """Tell the forms apart by the fields that only one has; None: those of several."""
     if isinstance(value, dict):
-        if "weight" in value:
-            return "weight"
-        return "both" if {"gain_error", "dead_time_error"} & set(value) else "error"
+        given = [name for name, form in _FORMS.items() if form & set(value)]
+        return None if len(given) > 1 else "".join(given) or "error"
     if isinstance(value, _OfGainAndDeadTime):
         return "both"
-    return "weight" if isinstance(value, _OfWeight) else "error"
+    return "own" if isinstance(value, _OfWeight) else "error"
+
+
+_OneForm = Discriminator(
+    _form,
+    custom_error_type="two_forms",
+    custom_error_message="two forms at once: give epsilon and theta, or gain_error and "
+    "dead_time_error, or a weight",
+)
 
 
 OutputUncertainty = Annotated[
     Annotated[OutputsOfError, Tag("error")]
     | Annotated[OutputsOfGainAndDeadTime, Tag("both")]
-    | Annotated[OutputsOfWeight, Tag("weight")],
-    Discriminator(_form),
+    | Annotated[OutputsOfWeight, Tag("own")],
+    _OneForm,
 ]
 
 
@@ -215,8 +229,8 @@ class UncertaintyOfWeight(_InputUncertainty, _OfWeight):
 Uncertainty = Annotated[
     Annotated[UncertaintyOfError, Tag("error")]
     | Annotated[UncertaintyOfGainAndDeadTime, Tag("both")]
-    | Annotated[UncertaintyOfWeight, Tag("weight")],
-    Discriminator(_form),
+    | Annotated[UncertaintyOfWeight, Tag("own")],
+    _OneForm,
 ]
 
 

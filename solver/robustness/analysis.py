@@ -118,7 +118,8 @@ def analyse(
         blocks, controllers, uncertainty, performance, omega=top, scales=analysis.scales(top)
     )
     proof: Certificate | None = None
-    warnings = [*plant_remarks(plant), *filter(None, [worst.warning])]
+    warnings = [*plant_remarks(plant), *_sign_unknown(uncertainty)]
+    warnings += filter(None, [worst.warning])
     if certificate:
         level = PROVEN_ABOVE * peaks.robust_performance.value
         proof, reasons = prove(plant, uncertainty, performance, loops, level)
@@ -158,8 +159,22 @@ def _of_many(
         uncertainty_scaling=1 / axis.peaks.robust_stability.value,
         bandwidths=bandwidths(plant, loops, [None], loop_frequencies(plant, loops)),
         guarantee=axis.guarantee,
-        warnings=(MANY, *plant_remarks(plant)),
+        warnings=(MANY, *plant_remarks(plant), *_sign_unknown(analysis.uncertainty)),
     )
+
+
+def _sign_unknown(uncertainty: Uncertainty) -> list[str]:
+    """Say where inputs, or outputs, may err by all that they are: 20 typed for 20 %, it may be."""
+    found = []
+    for each, which in ((uncertainty, "an input"), (uncertainty.outputs, "an output")):
+        error = 0.0 if each is None else max(abs(weight.static_gain) for weight in each.weights)
+        if error >= 1:
+            found.append(
+                f"the uncertainty is {100 * error:.4g} % at steady state: {which} may act with the "
+                "other sign or not at all, and no loop with integral action stands that; 20 % is "
+                "0.2"
+            )
+    return found
 
 
 def _unstable(poles: ClosedLoopPoles) -> str:

@@ -16,6 +16,11 @@ TF = {"num": [1], "den": [100, 1]}
 PARALLEL = {"kind": "parallel", "n": 2, "process": TF, "interaction": TF}
 
 
+TWO_FORMS = (
+    "two forms at once: give epsilon and theta, or gain_error and dead_time_error, or a weight"
+)
+
+
 @pytest.mark.parametrize(
     ("pointer", "value", "blamed"),
     [
@@ -41,7 +46,7 @@ PARALLEL = {"kind": "parallel", "n": 2, "process": TF, "interaction": TF}
         ("/uncertainty", {}, "/uncertainty/epsilon"),
         ("/uncertainty/epsilon", 0, "/uncertainty/epsilon"),
         ("/uncertainty/theta", 1e-308, "/uncertainty/theta"),
-        ("/uncertainty/weight", TF, "/uncertainty/epsilon"),
+        ("/uncertainty/weight", TF, "/uncertainty"),
         ("/uncertainty", {"weight": {"num": [1], "den": [1, -1]}}, "/uncertainty/weight/den"),
         ("/performance/max_peak", 1, "/performance/max_peak"),
         ("/performance/offset", 1e-308, "/performance/offset"),
@@ -207,7 +212,7 @@ def test_all_faults_are_reported_at_once(client: httpx.Client) -> None:
         (
             "/uncertainty",
             {"weight": {"num": [0.2], "den": [1, 1]}, "theta": 1},
-            [("/uncertainty/theta", "no such field")],
+            [("/uncertainty", TWO_FORMS)],
         ),
     ],
 )
@@ -237,6 +242,9 @@ def test_whole_numbers_may_be_written_with_a_point(client: httpx.Client) -> None
         ({"epsilon": [0.2, "much"], "theta": 1}, ["/uncertainty/epsilon/1"]),
         ({"weight": {"num": [1], "den": ["x"]}}, ["/uncertainty/weight/den/0"]),
         ({}, ["/uncertainty/epsilon", "/uncertainty/theta"]),
+        ({"epsilon": 0.2, "theta": 1, "gain_error": 0.1}, ["/uncertainty"]),
+        ({"epsilon": 0.2, "dead_time_error": 1}, ["/uncertainty"]),
+        ({"weight": {"num": [1], "den": [1, 1]}, "epsilon": 0.2}, ["/uncertainty"]),
     ],
 )
 def test_pointers_lead_through_the_body_whatever_form_a_field_has(

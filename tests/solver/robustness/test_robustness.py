@@ -149,3 +149,14 @@ def test_the_limit_at_low_frequency_of_a_weak_direction_is_reached(a):
     found = analyse(first_order(2, 1, 100, a), Uncertainty.from_error(0.2, 1), demand, loops)
     limit = 0.2 + 60 / (2 * 100 * 20 * (1 - a))
     assert found.peaks.robust_performance.value == pytest.approx(limit, rel=3e-8)
+
+
+@pytest.mark.parametrize(("error", "warned"), [(20.0, 1), (1.0, 1), (0.99, 0)])
+def test_an_error_of_all_that_an_input_is_is_doubted(error, warned):
+    """20 is 2000 %, where 20 % may be meant: said once, with the way to write it."""
+    found = analyse(
+        first_order(2, 1.0, 10.0, 0.3), Uncertainty.from_error(error, 1.0), Performance(tau_p=10),
+        (Controller(0.5, 10),) * 2,
+    )  # fmt: skip
+    told = [warning for warning in found.warnings if f"{100 * error:.4g} % at steady" in warning]
+    assert len(told) == warned
