@@ -17,6 +17,7 @@ import numpy as np
 
 from solver.model.controllers import DERIVATIVE_FILTER
 from solver.model.frequencies import corners
+from solver.robustness.turning import turning_points
 from solver.tuning.bounds import gain_signs
 from solver.tuning.clock import OutOfTimeError
 from solver.tuning.demands import Demands
@@ -46,6 +47,7 @@ STARTS_OF_OTHER_SIGNS = 6  # times as many: most of them are unstable at any gai
 MATTERS = 10.0  # times the shortest time of the starts
 FARTHER = 1e3  # corners of the loop over which the grid is extended where it missed an instability
 EXTENSIONS = 3
+LOWER_GAINS = (0.98, 0.95, 0.9, 0.8, 0.6, 0.3)  # of settings on the verge of stability
 
 
 @dataclass(frozen=True)
@@ -333,9 +335,47 @@ class Solutions:
                 search.activate(unstable)
             found = search.exact.descend(candidate.theta)
             if found is None:
-                return None
+                return self._turned_down(search, candidate)
             candidate = found
-        return None
+        return self._turned_down(search, candidate)
+
+    def _turned_down(self, search: GroupingSearch, candidate: Candidate) -> Candidate | None:
+        """Return settings with gains below those of a candidate on the verge of stability.
+
+        The optimum may lie so near to it that the grid saw nothing of a narrow peak: what turns
+        there joins the grid, and the search goes on from the first gains that keep it stable.
+        """
+        best: Candidate | None = None
+        for gain in LOWER_GAINS:
+            theta = candidate.theta.copy()
+            theta[:: search.objective.per_controller] += math.log(gain)
+            theta = search.box.clip(theta)
+            if not search.accepts(theta):
+                continue
+            here = search.exact.measure(theta, search.objective.evaluate(theta).s)
+            for _ in range(EXTENSIONS):
+                if math.isfinite(here.value) and self._is_better(search, here, best):
+                    best = here
+                self._resolve(search, here)
+                found = search.exact.descend(theta)
+                if found is None:
+                    break
+                here = found
+        for _ in range(EXTENSIONS if best is not None else 0):
+            assert best is not None  # noqa: S101 - for the type checker
+            self._resolve(search, best)
+            found = search.exact.descend(best.theta)
+            if found is None or not self._is_better(search, found, best):
+                break
+            best = found
+        return best
+
+    def _resolve(self, search: GroupingSearch, candidate: Candidate) -> None:
+        """Put the frequencies into the grid where a candidate's loops turn, stable or not."""
+        ends = [part.omega[[0, -1]] for part in search.objective.parts]
+        loops = search.loops(candidate.theta)
+        low, high = float(np.min(ends)), float(np.max(ends))
+        search.look_at(turning_points(self.specification.plant, loops, low, high))
 
     def _extend(self, search: GroupingSearch, candidate: Candidate) -> None:
         bends = corners(

@@ -299,3 +299,16 @@ def test_identical_settings_are_returned_where_unlike_ones_were_found_worse():
     assert found.tau_p <= alike.tau_p * (1 + 1e-6)
     assert found.comparison.identical_value >= found.tau_p * (1 - 1e-6)
     assert found.comparison.gain_percent >= -1e-4
+
+
+def test_an_optimum_on_the_verge_of_stability_is_found():
+    """The peak of the strong mode is narrower there than the steps of the grid."""
+    found = tune(
+        Specification(
+            first_order(2, 1.0, 1.0, 0.9999, 0.3), Uncertainty.from_gain_and_dead_time(0.227, 0.0),
+            Performance(max_peak=2.22, tau_p=28.0), arrangement=Arrangement.IDENTICAL,
+            objective=Objective.MU, starts=1,
+        )
+    )  # fmt: skip
+    assert found.nominally_stable
+    assert found.peaks.robust_performance.value == pytest.approx(35.1, rel=0.01)
