@@ -11,6 +11,7 @@ from service.schemas.model_tolerance import ModelTolerance
 __all__ = ["tolerance_lines"]
 
 CLOSE = 0.05  # an error of the model that is soon made: said first
+LEAST = {"time_constant": "beyond -99 %", "dead_time": "-100 %"}  # tried; of no dead time
 SHOWN = 4  # parameters in the line; the result has all
 
 
@@ -22,11 +23,11 @@ def tolerance_lines(tolerances: Sequence[ModelTolerance]) -> list[Line]:
         name = each.parameter.replace("_", " ")
         if each.element is not None:
             name += f" of element {each.element[0] + 1},{each.element[1] + 1}"
-        stability = f"stability {_range(each.stability)}"
+        stability = f"stability {_range(each.parameter, each.stability)}"
         if each.demand is None:
             found.append(f"{name}: {stability}")
         else:
-            found.append(f"{name}: demand {_range(each.demand)}, {stability}")
+            found.append(f"{name}: demand {_range(each.parameter, each.demand)}, {stability}")
     if not found:
         return []
     text = f"The model may be wrong, one parameter alone, by: {'; '.join(found)}."
@@ -39,8 +40,9 @@ def _least(tolerances: Sequence[ModelTolerance]) -> float:
     return min((abs(side) for pair in sides for side in pair if side is not None), default=math.inf)
 
 
-def _range(sides: Sequence[float | None]) -> str:
+def _range(parameter: str, sides: Sequence[float | None]) -> str:
+    """Say from where to where a parameter may be; where nothing is lost, how far it was tried."""
     low, high = (None if side is None else 100 * side for side in sides)
-    below = "any less" if low is None else f"{low:.3g} %"
-    above = "any more" if high is None else f"+{high:.3g} %"
+    below = LEAST.get(parameter, "beyond -400 %") if low is None else f"{low:.3g} %"
+    above = "beyond +400 %" if high is None else f"+{high:.3g} %"
     return f"{below} to {above}"

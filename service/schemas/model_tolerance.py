@@ -14,7 +14,8 @@ __all__ = ["ModelTolerance"]
 class ModelTolerance(ResultModel):
     """Relative errors of one parameter of the model, alone, at which demand or stability is lost.
 
-    Down and up; null where none is up to five times the value, or minus three times.
+    Down and up; null where none is up to five times the value, or down to minus three times of
+    gains and interaction, a hundredth of time constants, no dead time.
     """
 
     parameter: Literal["gain", "time_constant", "dead_time", "interaction"] = Field(

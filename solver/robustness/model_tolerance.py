@@ -10,6 +10,7 @@ frequency axis, first passes through 0.
 from __future__ import annotations
 
 import itertools
+import math
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, TypeAlias
@@ -41,7 +42,10 @@ if TYPE_CHECKING:
 __all__ = ["ModelTolerance", "model_tolerances", "parameters"]
 
 SMALLEST_ERROR = 0.0096  # the errors tried: from about a per cent, doubling (never just -1),
-LARGEST_ERROR = 4.0  # up to five times the value, or to minus three times
+LARGEST_ERROR = 4.0  # up to five times the value, or to minus three times where signs may change,
+SMALLER_TIMES = (0.8, 0.9, 0.97, 0.99)  # or of times down to a hundredth of them,
+NO_DEAD_TIME = (0.8, 1.0)  # or of dead time to none at all
+SIGNED = {"gain", "interaction"}
 CLOSER, LEAST_ERROR = 4.0, 1e-9  # where already the first is too large, down to the last
 HALVINGS = 6  # of the last doubling: to a hundredth of the error, or 1.5e-4 of the value
 LOWER = 1e-4  # of the grid's low end: a direction near singular is slower than anything else
@@ -67,8 +71,8 @@ class ModelTolerance:
         Row and column of a matrix plant's element; None: the parameter of all of them together.
     demand : tuple of float or None, or None
         Where sigma_max(w_P S) passes 1; None for a side on which it does not, up to a value five
-        times as large or, where the sign may change, minus three times. None in all where the
-        demand is not met by the plant as given.
+        times as large, or down to minus three times of gains and interaction, a hundredth of time
+        constants, no dead time. None in all where the demand is not met by the plant as given.
     stability : tuple of float or None
         Where nominal stability is lost, likewise.
 
@@ -123,8 +127,7 @@ def model_tolerances(
             unstable = here.differs(given)
             return unstable or here.peak > 1, unstable
 
-        negative = name in {"gain", "interaction"}
-        sides = [_first(lost, -1, least=-LARGEST_ERROR if negative else -1.0), _first(lost, 1)]
+        sides = [_first(lost, _tried(name, sign)) for sign in (-1, 1)]
         found.append(
             ModelTolerance(
                 name, element,
@@ -179,17 +182,29 @@ class _FixedLoops:
         return _Point(np.stack(directions, axis=-1), peak)
 
 
+def _tried(name: str, sign: int) -> list[float]:
+    """Return the errors of a parameter that are tried, one after the other."""
+    doublings = math.floor(math.log2(LARGEST_ERROR / SMALLEST_ERROR))
+    errors = [SMALLEST_ERROR * 2.0**k for k in range(doublings + 1)]
+    if sign > 0 or name in SIGNED:
+        return [sign * error for error in (*errors, LARGEST_ERROR)]
+    rest = NO_DEAD_TIME if name == "dead_time" else SMALLER_TIMES
+    return [-error for error in (*(each for each in errors if each < rest[0]), *rest)]
+
+
 def _first(
-    lost: Callable[[float], tuple[bool, bool]], sign: int, least: float = -LARGEST_ERROR
+    lost: Callable[[float], tuple[bool, bool]], errors: Sequence[float]
 ) -> list[float | None]:
     """Return the errors at which the demand and stability are first lost on one side."""
     limits: list[float | None] = [None, None]
-    inside, error = 0.0, SMALLEST_ERROR
-    while error <= LARGEST_ERROR and sign * error > least and limits[1] is None:
-        for which, gone in enumerate(lost(sign * error)):
+    inside = 0.0
+    for error in errors:
+        for which, gone in enumerate(lost(error)):
             if gone and limits[which] is None:
-                limits[which] = _between(lost, which, sign * inside, sign * error)
-        inside, error = error, 2 * error
+                limits[which] = _between(lost, which, inside, error)
+        if limits[1] is not None:
+            break
+        inside = error
     return limits
 
 

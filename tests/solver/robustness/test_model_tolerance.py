@@ -105,6 +105,12 @@ def test_a_demand_that_is_not_met_has_no_tolerance() -> None:
     assert all(each.demand is None for each in found.values())
 
 
+def _outside(parameter: str, error: float) -> float:
+    """Return a factor just outside; of times above zero."""
+    factor = 1 + 1.03 * error + math.copysign(2e-4, error)
+    return factor if parameter in {"gain", "interaction"} else max(factor, 0.9 * (1 + error))
+
+
 @pytest.mark.parametrize("seed", [40000, 40015, 40025, 40026, 40045, 40046])
 def test_every_end_of_unusual_loops_is_one(seed: int) -> None:
     """Just inside the demand, or stability, holds over the whole axis; just outside it is lost."""
@@ -124,14 +130,14 @@ def test_every_end_of_unusual_loops_is_one(seed: int) -> None:
     changes = {(name, element): change for name, element, change in parameters(drawn.plant)}
     for each in model_tolerances(drawn.plant, slow, drawn.loops, omega):
         changed = changes[each.parameter, each.element]
-        for side, error in zip((-1, 1), each.demand or (), strict=False):
+        for error in each.demand or ():
             if error is not None:
                 assert nominal(changed(1 + error)) <= 1 + 1e-6
-                assert nominal(changed(1 + 1.03 * error + 2e-4 * side)) > 1
-        for side, error in zip((-1, 1), each.stability, strict=True):
+                assert nominal(changed(_outside(each.parameter, error))) > 1
+        for error in each.stability:
             if error is not None:
                 assert is_stable(changed(1 + error), drawn.loops)
-                assert not is_stable(changed(1 + 1.03 * error + 2e-4 * side), drawn.loops)
+                assert not is_stable(changed(_outside(each.parameter, error)), drawn.loops)
 
 
 def test_a_tolerance_far_below_one_per_cent_is_told() -> None:
@@ -139,3 +145,16 @@ def test_a_tolerance_far_below_one_per_cent_is_told() -> None:
     plant = first_order(2, 1, 100, 0.9999999)
     found = tolerances(plant, [Controller(1, 100)] * 2)["interaction"]
     assert found.stability[1] == pytest.approx(1e-7, rel=0.1)
+
+
+def test_time_constants_and_dead_times_are_tried_down_to_nothing() -> None:
+    """A plant five times as fast is unstable under this gain, one without dead time is not."""
+    plant = first_order(2, 1, 10, 0.2, 1)
+    loops = [Controller(4, 10)] * 2
+    found = tolerances(plant, loops, Performance(tau_p=30))
+    limit = found["time_constant"].stability[0]
+    assert limit is not None
+    for error, stable in ((limit, True), (1.03 * limit, False)):
+        assert is_stable(first_order(2, 1, 10 * (1 + error), 0.2, 1), loops) is stable
+    assert found["dead_time"].stability[0] is None
+    assert is_stable(first_order(2, 1, 10, 0.2), loops)
