@@ -40,7 +40,7 @@ __all__ = [
 
 MAX_POINTS = 10_000
 _NOTHING = 1e-9
-_BOUND = 1e9  # a response beyond it is cut off: the loop is unstable
+_BOUND = 1e9  # times what moves the loop; a response beyond it is cut off: the loop is unstable
 
 
 @dataclass(frozen=True)
@@ -202,6 +202,7 @@ def _simulate(model: DriveModel, experiment: DriveExperiment) -> DriveResponse:
     )
     # A bias acts on the load as the opposite of a load does, from 0 on.
     biases = np.array([drive.bias for drive in experiment.system.drives])
+    largest = _BOUND * _moved(experiment)
     x = np.zeros(states)
     pieces: list[tuple[float, NDArray[np.float64], NDArray[np.float64]]] = []
     bounded = True
@@ -220,10 +221,11 @@ def _simulate(model: DriveModel, experiment: DriveExperiment) -> DriveResponse:
             if index:
                 with np.errstate(over="ignore", invalid="ignore"):
                     x = advance @ np.concatenate([x, v])
-            if not np.max(np.abs(x)) <= _BOUND:
+            with np.errstate(over="ignore", invalid="ignore"):
+                outputs = model.C @ x + model.D @ v
+            if not abs(outputs[0]) <= largest:
                 bounded = False
                 break
-            outputs = model.C @ x + model.D @ v
             outputs[1:] += biases
             pieces.append((start + (end - start) * index / steps, v, outputs))
         if not bounded:
@@ -242,6 +244,17 @@ def _simulate(model: DriveModel, experiment: DriveExperiment) -> DriveResponse:
         shares_before_pulse=_shares(marks, 1, y.shape[1] - 1),
         shares_at_end=_shares(marks, 3, y.shape[1] - 1),
     )
+
+
+def _moved(experiment: DriveExperiment) -> float:
+    """Return by how much the output is moved, in its unit: an effort by what the gains make of it.
+
+    Proportional gains, and integral ones over the time until the load comes.
+    """
+    scenario, drives = experiment.scenario, experiment.system.drives
+    gain = sum(each.proportional_gain + each.integral_gain * scenario.load_time for each in drives)
+    effort = abs(scenario.load) + sum(abs(each.bias) for each in drives)
+    return abs(scenario.set_point) + abs(scenario.pulse) + effort / gain
 
 
 def _shares(marks: list[NDArray[np.float64]], index: int, units: int) -> NDArray[np.float64]:

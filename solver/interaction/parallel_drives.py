@@ -42,6 +42,8 @@ __all__ = [
 MAX_DRIVES = 100
 # A singular value below this, relative to the largest, is zero but for rounding.
 _RANK_TOLERANCE = 1e-10
+_EQUILIBRATIONS = 30  # each halves the logarithms of what is left
+_SAME_DIRECTION = 1e-6
 
 
 @dataclass(frozen=True)
@@ -367,19 +369,44 @@ def _realise(
 
 
 def _rank(matrix: NDArray[np.float64]) -> int:
-    # Rows scaled to their size: the rank must not depend on the units.
-    scale = np.max(np.abs(matrix), axis=1, keepdims=True)
-    scaled = matrix / np.where(scale > 0, scale, 1.0)
+    scaled, _ = _equilibrated(matrix)
     return int(np.linalg.matrix_rank(scaled, tol=_RANK_TOLERANCE * np.linalg.norm(scaled, 2)))
 
 
+def _equilibrated(
+    matrix: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return a matrix with rows and columns of like size, and the factors of its columns.
+
+    A rank must not depend on the units of time, output and effort, which scale both (D. Ruiz, "A
+    scaling algorithm to equilibrate both rows and columns norms in matrices", 2001).
+    """
+    scaled, factors = matrix.copy(), np.ones(matrix.shape[1])
+    for _ in range(_EQUILIBRATIONS):
+        rows, columns = np.max(np.abs(scaled), axis=1), np.max(np.abs(scaled), axis=0)
+        rows, columns = (1 / np.sqrt(np.where(size > 0, size, 1.0)) for size in (rows, columns))
+        scaled, factors = rows[:, None] * scaled * columns, factors * columns
+    return scaled, factors
+
+
 def _effort_drifts(model: DriveModel) -> NDArray[np.float64]:
-    """Return the efforts of the unobservable modes at s = 0, orthonormal rows."""
-    hidden = scipy.linalg.null_space(np.vstack([model.A, model.C[:1]]), rcond=_RANK_TOLERANCE)
+    """Return the efforts of the unobservable modes at s = 0, orthonormal rows.
+
+    Those that Gram and Schmidt make of the projections of the units, one after the other.
+    """
+    units = len(model.C) - 1
+    scaled, factors = _equilibrated(np.vstack([model.A, model.C[:1]]))
+    hidden = factors[:, None] * scipy.linalg.null_space(scaled, rcond=_RANK_TOLERANCE)
     if hidden.shape[1] == 0:
-        return np.zeros((0, len(model.C) - 1))
-    basis, _ = np.linalg.qr(model.C[1:] @ hidden)
-    return np.asarray(basis.T, dtype=np.float64)
+        return np.zeros((0, units))
+    efforts = model.C[1:] @ hidden
+    basis, _ = np.linalg.qr(efforts / np.linalg.norm(efforts, axis=0))
+    found: list[NDArray[np.float64]] = []
+    for projection in basis @ basis.T:
+        rest = projection - sum((projection @ other) * other for other in found)
+        if np.linalg.norm(rest) > _SAME_DIRECTION and len(found) < hidden.shape[1]:
+            found.append(rest / np.linalg.norm(rest))
+    return np.array(found)
 
 
 def _remedy(system: ParallelDrives) -> Remedy:

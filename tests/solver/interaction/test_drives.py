@@ -259,3 +259,26 @@ def test_all_integral_action_in_one_unit_is_the_other_remedy() -> None:
     assert found.alternative is not None
     np.testing.assert_allclose(found.alternative.output, found.original.output, atol=1e-9)
     assert found.alternative.shares_at_end == pytest.approx([1, 0], abs=1e-6)
+
+
+@pytest.mark.parametrize(("time", "effort"), [(1e4, 1.0), (1e-5, 1.0), (1.0, 1e6), (1e4, 1e-6)])
+def test_units_of_time_and_effort_change_nothing(time: float, effort: float) -> None:
+    """The same free modes, drifts, shares and outputs of a load of third order."""
+
+    def found(time: float, effort: float):
+        lags = [1.4e-3 * time**3, 0.07 * time**2, time, 0.1]
+        load = TransferFunction([1 / effort], lags)
+        drives = [Drive(p * effort, i * effort / time) for p, i in ((1, 0.5), (2, 0), (0.5, 0.2))]
+        system = ParallelDrives(load, drives)
+        scenario = DriveScenario(
+            load=0.5 * effort, load_time=10 * time, pulse_time=20 * time, pulse_duration=time,
+            end=40 * time, points=50,
+        )  # fmt: skip
+        return analyse_drives(system), simulate_drives(DriveExperiment(system, scenario)).original
+
+    (usual, response), (other, scaled) = found(1.0, 1.0), found(time, effort)
+    assert other.uncontrollable_modes == usual.uncontrollable_modes == 1
+    assert other.unobservable_modes == usual.unobservable_modes == 1
+    np.testing.assert_allclose(other.effort_drifts, usual.effort_drifts, atol=1e-7)
+    np.testing.assert_allclose(scaled.output, response.output, rtol=1e-7, atol=1e-9)
+    np.testing.assert_allclose(scaled.shares_at_end, response.shares_at_end, rtol=1e-7)
