@@ -24,7 +24,7 @@ ends a little (2e-5 of mu at most for 12 and 20 units).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -151,13 +151,23 @@ class NeighbourPlant(Plant):
 
         Raises
         ------
-        InvalidInputError
-            More of them than a matrix plant has.
+        UnsupportedPlantError
+            More of them than a matrix plant has, and not a part of a row.
 
         """
         if list(units) == list(range(self.n)):
             return self
-        return MatrixPlant([[self.element(row, column) for column in units] for row in units])
+        count = len(units)
+        if count <= MAX_MATRIX_SIZE:
+            return MatrixPlant([[self.element(row, column) for column in units] for row in units])
+        if not self.ring and list(units) == list(range(units[0], units[0] + count)):
+            return replace(self, n=count)  # neighbours of each other, as in the whole row
+        message = (
+            f"in a {self._kind} of more than {MAX_MATRIX_SIZE} units the sets of loops in service "
+            f"have at most {MAX_MATRIX_SIZE} loops"
+        )
+        message += "" if self.ring else ", or those of neighbours"
+        raise UnsupportedPlantError(message, "/in_service")
 
     def mapped(self, change: Callable[[TransferFunction], TransferFunction]) -> NeighbourPlant:
         """Return the plant with every element changed."""

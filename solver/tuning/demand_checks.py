@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.model.controllers import DERIVATIVE_FILTER
+from solver.model.subsystems import interchangeable, subsystem
 from solver.robustness.margins import loop_margins
 from solver.tuning.demands import DemandOutcome, IntegrityDemand
 from solver.tuning.service_sets import integrity_value
@@ -103,8 +104,8 @@ def _load_error(loop: Controller) -> float:
 
 
 def _sensitivity_alone(plant: Plant, loops: Sequence[Controller]) -> float:
-    peaks = [
-        math.inf if row.alone is None else row.alone.sensitivity.value
-        for row in loop_margins(plant, loops)
-    ]
+    peaks = []
+    for units in interchangeable(plant, loops):
+        (row,) = loop_margins(*subsystem(plant, loops, units[:1]))
+        peaks.append(math.inf if row.alone is None else row.alone.sensitivity.value)
     return max(peaks)

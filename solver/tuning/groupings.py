@@ -66,7 +66,7 @@ def groupings(specification: Specification) -> tuple[Groups, ...]:
         if plant.n > MAX_CONTROLLERS:
             message = (
                 f"independent settings for {plant.n} units are too many to search "
-                f"(at most {MAX_CONTROLLERS}); use 'grouped' or 'best'"
+                f"(at most {MAX_CONTROLLERS}); use 'identical', 'grouped' or 'best'"
             )
             raise InvalidInputError(message, "/controller/arrangement")
         return (consecutive((1,) * plant.n),)

@@ -105,6 +105,7 @@ def report(
         *filter(None, [output_units_warning(specification.plant, specification.performance)]),
         *_sign_warnings(specification, search),
         *remarks(search, end.candidate.theta),
+        *_absent_from_spread(search.specification),
     ]
     certificate = None
     if specification.certificate:
@@ -158,6 +159,16 @@ def report(
     if specification.rough:
         return result
     return replace(result, advice=(*result.advice, *plain_advice(specification, result)))
+
+
+def _absent_from_spread(specification: Specification) -> list[str]:
+    """Say which parameters of a spread there are none of."""
+    if specification.spread is None:
+        return []
+    return [
+        f"spread: the plant has no {name.replace('_', ' ')} that could spread: it changes nothing"
+        for name in specification.spread.absent(specification.plants)
+    ]
 
 
 def infeasible(

@@ -204,8 +204,13 @@ def cases_of(
         own, error = scenario.plant or plant, scenario.uncertainty or uncertainty
         for units in _sets(scenario, own, error, performance, owner):
             in_all = units == whole
+            try:
+                part = own if in_all else own.part(units)
+            except InvalidInputError as error_found:
+                where = f"/scenarios/{index - 1}"
+                raise error_found.within(where) from None
             case = Case(
-                own if in_all else own.part(units),
+                part,
                 error if in_all else error.of_units(units),
                 performance if in_all else performance.of_units(units),
                 units,

@@ -125,6 +125,11 @@ class Spread:
             ]
         return tuple(found)
 
+    def absent(self, plants: Sequence[Plant]) -> tuple[str, ...]:
+        """Return the parameters that were to spread, but that none of the plants has."""
+        there = {axis.name for plant in plants for axis in self.axes(plant)}
+        return tuple(n for n in PARAMETERS if getattr(self, n) > 0 and n not in there)
+
     def _there(self, name: str, elements: Sequence[TransferFunction]) -> bool:
         """Whether any of these elements has the parameter."""
         if name == INTERACTION:

@@ -22,8 +22,12 @@ from solver.robustness.analysis import analyse
 from solver.robustness.axis import proven_peaks
 from solver.robustness.box_proof import proven_box
 from solver.robustness.curves import LoopAnalysis
+from solver.robustness.margins import loop_margins
 from solver.stability.closed_loop import closed_loop_poles
 from solver.stability.singular import lost_directions
+from solver.tuning.demand_checks import outcomes
+from solver.tuning.demands import Demands
+from solver.tuning.scenarios import Scenario
 from solver.tuning.specification import Specification
 from solver.tuning.spread import Spread
 from solver.tuning.tuner import tune
@@ -157,6 +161,34 @@ def test_long_rows_have_one_neighbour_on_both_sides() -> None:
     unlike = [Controller(1.0, 50.0)] * 29 + [Controller(2.0, 50.0)]
     with pytest.raises(InvalidInputError, match="the same for all"):
         analyse(row, UNCERTAIN, Performance(tau_p=20.0), unlike)
+
+
+def test_parts_of_many_units() -> None:
+    """Neighbours in a row are a row, few units a matrix, others refused where asked for."""
+    row = NeighbourPlant(30, PROCESS, (NEAR,), None, ring=False)
+    assert row.part(range(5, 25)) == NeighbourPlant(20, PROCESS, (NEAR,), None, ring=False)
+    assert isinstance(row.part([0, 7, 9]), MatrixPlant)
+    one_out = [*range(10), *range(11, 30)]
+    options = {"arrangement": "identical", "starts": 2}
+    scenario = Scenario("one out", in_service=tuple(one_out))
+    with pytest.raises(InvalidInputError, match="those of neighbours") as caught:
+        tune(Specification(row, UNCERTAIN, Performance(), scenarios=[scenario], **options))  # type: ignore[arg-type]
+    assert caught.value.field == "/scenarios/0/in_service"
+    demands = Demands(integrity="stable")  # type: ignore[arg-type]
+    with pytest.raises(InvalidInputError, match="at most 10") as caught:
+        tune(Specification(row, UNCERTAIN, Performance(), demands=demands, **options))  # type: ignore[arg-type]
+    assert caught.value.field == "/demands/integrity"
+
+
+def test_loops_of_many_units_alone_are_known() -> None:
+    """The demand on each alone is that of one unit by itself."""
+    row = NeighbourPlant(30, PROCESS, (NEAR,), None, ring=False)
+    loops = [Controller(9.0, 37.0)] * 30
+    demands = Demands(max_sensitivity_alone=1.5)
+    (found,) = outcomes(demands, [row], loops)
+    (alone,) = loop_margins(MatrixPlant([[PROCESS]]), loops[:1])
+    assert alone.alone is not None
+    assert found.value == pytest.approx(alone.alone.sensitivity.value, rel=1e-9)
 
 
 def test_a_ring_whose_parameters_spread_is_proven() -> None:

@@ -88,7 +88,9 @@ def test_parameters_that_the_plant_has_not_are_left_out():
     """A single unit has no interaction, a plant without dead time none to spread."""
     alone = first_order(1, 1.0, 100.0, 0.0)
     assert Spread(interaction=0.5, dead_time=0.5).axes(alone) == ()
-    assert task(alone, Spread(interaction=0.5)).tau_p == task(alone, None).tau_p
+    found = task(alone, Spread(interaction=0.5))
+    assert found.tau_p == task(alone, None).tau_p
+    assert any("no interaction that could spread" in text for text in found.warnings)
 
 
 def test_a_box_that_holds_a_singular_plant_is_infeasible():
