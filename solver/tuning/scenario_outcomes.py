@@ -80,7 +80,7 @@ def scenario_outcomes(
                 tuple(each for each in (certificates[index] for index in mine) if each),
             )
         )
-    return tuple(found), warnings
+    return tuple(found), list(dict.fromkeys(warnings))
 
 
 def _of_spread(end: Settled, of_cases: Guarantee) -> Guarantee:
