@@ -30,6 +30,7 @@ NAMES = {
     "pairs": "decoupled pairs, PI",
     "multivariable": "multivariable, built",
 }
+SYMBOLS = {"tau_p": "τP", "mu": "μ"}  # of what is made small
 LARGEST_SHOWN = 20  # units up to which a full controller is written down
 
 MOST_UNITS = 3  # one convex step of a larger matrix plant takes longer than a job may overrun
@@ -139,7 +140,7 @@ def _verdict(document: dict[str, Any], objective: str, reason: str | None) -> st
         values, ("static_decoupling", "one_way_decoupling", "inverse", "mode_control", "pairs")
     )
     parts = [
-        f"Single loops reach {objective} = {loops}" if loops
+        f"Single loops reach {SYMBOLS[objective]} = {loops}" if loops
         else "No single loops were found that meet the demand"
     ]  # fmt: skip
     if between:

@@ -175,7 +175,7 @@ def _simulate(
     steps = tuple(
         Step(kind, int(unit), 0.0, float(direction[unit])) for unit in np.flatnonzero(direction)
     )
-    closed = tuple(Loop.of(loop) for loop in loops)
+    closed = tuple(Loop.of(loop).without_traces(duration) for loop in loops)
     return step_response(
         Experiment(plant, closed, steps, duration, actuators=actuators, limits=limits)
     )

@@ -47,6 +47,7 @@ def number(value: float | None, digits: int = 5) -> str:
 def headline(result: TuningResult, unit: str | None = TIME_UNIT) -> str:
     """Return in one sentence what was found, or why nothing was; None: the unit is put in later."""
     rate, after = ("rad/time", "") if unit is None else (f"rad/{unit}", f" {unit}")
+    after += "s" * (unit == TIME_UNIT)
     if not result.loops:
         where = f" (at ω = {number(result.omega)} {rate})" if result.omega else ""
         return f"No settings: {result.reason or 'none were found'}{where}."

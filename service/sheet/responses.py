@@ -250,7 +250,7 @@ class _Task:
         found = step_response(
             Experiment(
                 self.tuned.plant if other is None else other.plant,
-                tuple(Loop.of(loop) for loop in loops),
+                tuple(Loop.of(loop).without_traces(duration) for loop in loops),
                 (self.step,),
                 duration,
                 samples=samples,

@@ -181,8 +181,8 @@ def _worst_overshoot(tuned: RequestedTuning, rest: Sequence[int]) -> tuple[str, 
     part, remaining = subsystem(tuned.plant, tuned.loops, rest)
     assert tuned.result.tau_p is not None  # noqa: S101 - for the type checker: there are settings
     found: list[tuple[float, int]] = []
-    closed = tuple(Loop.of(loop) for loop in remaining)
     duration = _PLENTY * tuned.result.tau_p
+    closed = tuple(Loop.of(loop).without_traces(duration) for loop in remaining)
     if steps_of(part, duration) > MOST_STEPS:
         return None
     for kind in interchangeable(part, remaining)[:SHOWN]:

@@ -59,13 +59,14 @@ function progress({ request: { objective }, created_at }, cancel) {
     told.textContent = `${state} · ${duration(at / 1000)}`;
     // The service tells the best of the grouping in hand; no grouping ends worse than one before.
     if (best !== null) seen.push({ at, best: Math.min(best, seen.at(-1)?.best ?? Infinity) });
-    output.textContent = number(seen.at(-1)?.best);
+    output.textContent = number(seen.at(-1)?.best, 3);
     const [{ at: start, best: high } = { at, best: 0 }] = seen;
     const low = seen.at(-1)?.best ?? 0;
     line.setAttribute("points", seen.map((point) =>
       [(100 * (point.at - start)) / (at - start || 1), 28 - (26 * (point.best - low)) / (high - low || 1)]).join(" "));
   };
   const node = card("Best so far", h("p", {}, output, " ", objective === "mu" ? null : unitTag("time")),
-    trace, bar, told, stop, help("Stopping keeps the best so far."));
+    trace, bar, told, stop,
+    help("Of a grid of frequencies, and made exact at the end. Stopping keeps the best so far."));
   return { node, update };
 }

@@ -50,7 +50,8 @@ function measured(rows, signals) {
   const [{ set_point_step: step, load_step: load }] = rows;
   const per = (/** @type {number | null} */ share) => (share === null ? "–" : `${number(100 * share, 3)} %`);
   const heads = ["Loop", "Settings", `Settles in, ${timeUnit()}`, "Overshoot", of("Valve moves by up to", input),
-    of("Error after load", output), `Load gone in, ${timeUnit()}`, "Gain margin", "Phase margin", `Delay margin, ${timeUnit()}`];
+    of("Error after load", output), `Load gone in, ${timeUnit()}`,
+    "Gain margin", "Phase margin", `Delay margin, ${timeUnit()}`];
   const lines = rows.map((row) => {
     const name = SETTINGS[row.settings] ?? row.settings;
     const loop = row.loop.replace(/^(loop|all)/, (first) => first.replace(/^./, (c) => c.toUpperCase()));
@@ -60,7 +61,8 @@ function measured(rows, signals) {
       limit(row.phase_margin, "°"), limit(row.delay_margin, "")];
   });
   return h("div", {}, table("In numbers, all loops closed", heads, lines),
-    help(`Set point stepped by ${of(number(step, 3), output, " ")}, load of ${of(number(load, 3), input, " ")} at the input of the same loop. `
+    help(`Set point stepped by ${of(number(step, 3), output, " ")}, load of ${of(number(load, 3), input, " ")} `
+      + "at the input of the same loop. "
       + "Settled: within 2 % of the step, or 5 % of the largest error. A dash: not within the time shown. "
       + "Margins: what this loop alone may change by, all others closed; “any”: no limit."));
 }

@@ -10,7 +10,7 @@ PID Control (2006), section 11.3::
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError
@@ -18,6 +18,8 @@ from solver.model.transfer_function import LARGEST
 from solver.model.validation import instance, settle_reals
 
 __all__ = ["Limits", "Loop"]
+
+TRACE = 1e-7  # of a simulation: a derivative that is over then is seen by nobody
 
 
 @dataclass(frozen=True)
@@ -66,6 +68,17 @@ class Loop:
             controller.derivative_time,
             filter_time=controller.filter_time,
         )
+
+    def without_traces(self, duration: float) -> Loop:
+        """Return the loop without derivative action that is over before anything can be seen.
+
+        Where a search lets the derivative time vanish, it and its filter end at times that no
+        valve follows, and that a simulation would spend nearly all its steps on.
+        """
+        slowest = max(self.derivative_time or 0.0, self.lag_time)
+        if slowest > TRACE * duration:
+            return self
+        return replace(self, derivative_time=None, filter_time=None)
 
     @property
     def controller(self) -> Controller:

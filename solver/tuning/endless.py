@@ -64,7 +64,8 @@ def remarks(search: GroupingSearch, theta: NDArray[np.float64]) -> list[str]:
         if edge and given:
             value = math.exp(bounds[edge == "upper"][index])
             found.append(
-                f"group {group}: {names[name]} is on its {edge} bound {value:.4g}; "
+                f"{_loops(search.groups[group])}: the {names[name].replace('_', ' ')} is on its "
+                f"{edge} bound {value:.4g}; "
                 "a wider bound may do better"
             )
             continue
@@ -75,8 +76,18 @@ def remarks(search: GroupingSearch, theta: NDArray[np.float64]) -> list[str]:
         if direction:
             where = "infinity" if direction == "upper" else "0"
             meaning = MEANING[names[name], direction]
-            found.append(f"group {group}: {names[name]} -> {where}: {meaning}")
+            called = names[name].replace("_", " ")
+            found.append(f"{_loops(search.groups[group])}: the {called} goes to {where}: {meaning}")
     return found
+
+
+def _loops(group: tuple[int, ...]) -> str:
+    """Return the name of loops that share settings, counted from 1."""
+    if len(group) == 1:
+        return f"loop {group[0] + 1}"
+    if group == tuple(range(group[0], group[-1] + 1)):
+        return f"loops {group[0] + 1}-{group[-1] + 1}"
+    return f"loops {', '.join(str(unit + 1) for unit in group)}"
 
 
 def _edges(

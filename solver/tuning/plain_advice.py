@@ -173,8 +173,9 @@ def _overshoot(part: Plant, loop: Controller, shown: float) -> float:
     if about is not None and about < CALM:
         return 0.0
     step = Step(StepKind.SETPOINT, 0, 0.0, 1.0)
+    closed = (Loop.of(loop).without_traces(shown),)
     try:
-        response = step_response(Experiment(part, (Loop.of(loop),), (step,), shown))
+        response = step_response(Experiment(part, closed, (step,), shown))
     except InvalidInputError:  # no simulation holds the plant
         return 0.0
     change = response.responses[0].metrics.set_point

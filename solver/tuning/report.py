@@ -114,7 +114,7 @@ def report(
             warnings += reasons
         except OutOfTimeError:  # the settings are what they are without it
             warnings.append(
-                "no certificate file: the search was stopped or its time limit came first"
+                "the proof is not on file as a certificate: the search was stopped or time was up"
             )
     end = replace(end, spread=proven_spread(search, end, clock.tick))
     scenarios: tuple[ScenarioOutcome, ...] = ()

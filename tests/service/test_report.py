@@ -257,4 +257,4 @@ def test_command_line_writes_a_report(tmp_path: Path, capsys: pytest.CaptureFixt
     report = tmp_path / "report.html"
     assert tune_file(request, as_json=True, report=report) == 0
     found = json.loads(capsys.readouterr().out)["tau_p"]
-    assert f"τP = {found:.5g} time unit." in report.read_text("utf-8")
+    assert f"τP = {found:.5g} time units." in report.read_text("utf-8")

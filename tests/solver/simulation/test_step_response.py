@@ -652,3 +652,12 @@ def test_endless_jumps_end_at_the_step_limit(monkeypatch: pytest.MonkeyPatch) ->
     result = step_response(Experiment(plant, (Loop(1.0), Loop(0.9)), (SETPOINT,), 9.0))
     assert result.end is End.STEP_LIMIT
     assert np.all(np.isfinite(result.responses[0].output))
+
+
+def test_a_derivative_that_vanishes_does_not_cost_the_simulation() -> None:
+    """Ten nanoseconds of derivative in a response of minutes are left out; seconds are not."""
+    fleeting, seen = Loop(20.0, 50.0, 1e-8), Loop(20.0, 50.0, 1.0)
+    assert fleeting.without_traces(100.0) == Loop(20.0, 50.0)
+    assert seen.without_traces(100.0) == seen
+    bare = Loop(20.0, 50.0, 1.0, filter_time=1e-12)
+    assert bare.without_traces(100.0) == bare
