@@ -6,6 +6,7 @@ Called by ``scripts/pictures``; writes SVG files to ``docs/images`` (matplotlib,
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +30,7 @@ OWN, OTHER, MARK = "#00796b", "#c2185b", "#555555"
 def main() -> None:
     """Write all pictures."""
     with mpl.rc_context(STYLE):
-        for draw in (header, faceplate, step_test, responses, weight):
+        for draw in (header, faceplate, step_test, responses, weight, fouled, column_step):
             figure = draw()
             path = IMAGES / f"{draw.__name__}.svg"
             figure.savefig(path, metadata={"Date": None}, bbox_inches="tight")
@@ -38,6 +39,15 @@ def main() -> None:
 def example(name: str) -> dict[str, Any]:
     """Return an example request."""
     request: dict[str, Any] = json.loads((ROOT / "examples" / name).read_text(encoding="utf-8"))
+    return request
+
+
+def from_page(page: str, file: str) -> dict[str, Any]:
+    """Return a request that a page of the guide writes down."""
+    text = (ROOT / "docs" / page).read_text(encoding="utf-8")
+    found = re.search(rf"<!-- file: {re.escape(file)} -->\n```json\n(.*?)```", text, re.DOTALL)
+    assert found is not None  # noqa: S101 - a page that lost its file is to be seen
+    request: dict[str, Any] = json.loads(found[1])
     return request
 
 
@@ -192,6 +202,45 @@ def responses() -> Figure:
         tidy(axes, title, "min", "")
     every[0].set_ylabel("pressure over set point step")
     every[1].legend(frameon=False, loc="lower right", bbox_to_anchor=(1.02, 0.02), fontsize=9)
+    return figure
+
+
+def fouled() -> Figure:
+    """Draw exchanger 3, clean and fouled, with today's settings and with those for both."""
+    page = "howto/fouled_unit.md"
+    today, both = from_page(page, "fouled.json"), from_page(page, "both.json")
+    plants = ((both["plant"], OWN, "clean"), (today["plant"], OTHER, "fouled"))
+    cases = (
+        ("Today's settings", today["as_found"]),
+        ("Settings for both states", [{"gain": -2.4116, "integral_time": 3.0124}] * 3),
+    )
+    figure = Figure(figsize=(7.2, 3.2))
+    every = list(figure.subplots(1, 2, sharey=True))
+    for axes, (title, loops) in zip(every, cases, strict=True):
+        for plant, color, label in plants:
+            steps = [{"kind": "setpoint", "unit": 2, "size": 1}]
+            request = {"plant": plant, "loops": loops, "steps": steps, "duration": 15}
+            result = simulated(request)
+            moved = next(each for each in result["responses"] if 2 in each["units"])
+            axes.plot(result["time"], moved["output"], color=color, label=label)
+        tidy(axes, title, "min", "")
+    every[0].set_ylabel("temperature 3 over set point step")
+    every[1].legend(frameon=False, loc="lower right")
+    return figure
+
+
+def column_step() -> Figure:
+    """Draw what the step of the top's set point does to both ends of the column."""
+    result = simulated(from_page("howto/transfer_functions.md", "column_step.json"))
+    figure = Figure(figsize=(7.2, 3.2))
+    every = list(figure.subplots(1, 2))
+    names = (("top", OWN), ("bottom", OTHER))
+    for axes, signal, title in zip(every, ("output", "input"), ("per cent", "lb/min"), strict=True):
+        for each, (name, color) in zip(result["responses"], names, strict=True):
+            axes.plot(result["time"], each[signal], color=color, label=name)
+        tidy(axes, title, "min", "")
+    every[0].legend(["top", "bottom"], frameon=False)
+    every[1].legend(["reflux", "steam"], frameon=False)
     return figure
 
 

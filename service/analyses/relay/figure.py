@@ -7,7 +7,7 @@ import plotly.graph_objects as go
 from service.analyses.relay.drawn import DrawnRelayExperiment, DrawnRelayTheory
 from service.figures.panels import Panels
 from service.figures.responses import INPUT, OUTPUT
-from service.figures.style import line, time_title
+from service.figures.style import IDENTICAL, TODAY, line, time_title
 from service.wording import TIME_UNIT, units_text
 
 __all__ = ["nyquist", "relay"]
@@ -48,9 +48,6 @@ def nyquist(theory: DrawnRelayTheory) -> go.Figure:
     imaginary = [value.im for value in theory.response]
     level = theory.describing_level or 0.0
     panels.curve(real, imaginary, "process", line(0))
-    panels.level(0.0, "-1/N, no hysteresis")
-    if level:
-        panels.level(level, "-1/N")
     points = [
         (x, y) for x, y in zip(real, imaginary, strict=True) if x is not None and y is not None
     ]
@@ -60,6 +57,10 @@ def nyquist(theory: DrawnRelayTheory) -> go.Figure:
         if x < 0 and (before - level) * (after - level) <= 0
     ]
     size = _BESIDE * max(crossings, default=max((abs(x) for x, _ in points), default=1))
+    # In the legend, since a small hysteresis brings the lines, and words at them, together.
+    panels.curve([-size, 0.0], [0.0, 0.0], "-1/N, no hysteresis", IDENTICAL)
+    if level:
+        panels.curve([-size, 0.0], [level, level], "-1/N", TODAY)
     panels.x(1, "real part (output/input)", range=[-size, size / 2])
     panels.y(1, "imaginary part<br>(output/input)", range=[-size, size / 2])
     return panels.figure()
