@@ -19,6 +19,7 @@ from solver.interaction.pi_design import LoopDesigner
 from solver.interaction.sampling import dense_frequencies
 from solver.model.controllers import DERIVATIVE_FILTER
 from solver.model.frequencies import EXTREMES, corners, resonances
+from solver.model.peaks import highest
 from solver.stability.encirclements import LoopBatch, count_unstable
 from solver.stability.neutral import delayed_radius, feedthrough
 
@@ -86,12 +87,17 @@ class DecoupledLoops:
     def tolerated_input_error(self, omega: NDArray[np.float64]) -> float:
         """Return the relative error of each input, of any phase, up to which they stay stable.
 
-        1/max mu(T_I) over `omega`, T_I = D C (I + P D C)^-1 P at the plant's inputs.
+        1/max mu(T_I) from the samples `omega` on, T_I = D C (I + P D C)^-1 P at the plant's inputs.
         """
-        DC = self._decoupler(omega) * self._feedback(omega)[:, None, :]
-        P = self.plant.response(omega)
-        T = DC @ np.linalg.solve(np.eye(self.plant.n) + P @ DC, P)
-        return float(1 / np.max(diagonal_mu(T)))
+
+        def mu(parts: list[NDArray[np.float64]]) -> list[NDArray[np.float64]]:
+            DC = self._decoupler(parts[0]) * self._feedback(parts[0])[:, None, :]
+            P = self.plant.response(parts[0])
+            T = DC @ np.linalg.solve(np.eye(self.plant.n) + P @ DC, P)
+            return [diagonal_mu(T)]
+
+        (peak,) = highest(mu, [(omega, mu([omega])[0])])
+        return 1 / peak.value
 
     def frequencies(self) -> NDArray[np.float64]:
         """Return frequencies (k,) that resolve the plant, up to where its loops end."""

@@ -24,13 +24,14 @@ from solver.model.equality import ByValue
 from solver.model.errors import InvalidInputError, UnsupportedPlantError
 from solver.model.frequencies import corners_of
 from solver.model.neighbours import refuse_many
+from solver.model.peaks import highest, slices
 from solver.model.plants import MAX_MATRIX_SIZE, ParallelPlant, Plant
 from solver.model.transfer_function import LARGEST
 from solver.model.validation import MAX_FREQUENCIES, frequencies, instance, real, reals, settle
 from solver.stability.singular import is_singular
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
@@ -380,7 +381,7 @@ def _loops(
     def peaks(loops: Sequence[PIDesign]) -> NDArray[np.float64] | None:
         gains = tuple(loop.gains for loop in loops if loop.gains is not None)
         system = DecoupledLoops(plant, D, gains, specification.weights, times)
-        return _peaks(np.abs(system.exact(system.frequencies()))) if system.is_stable() else None
+        return _peaks(system.exact, system.frequencies()) if system.is_stable() else None
 
     # Where nothing in the model bounds a loop, the estimate is where the search begins.
     start = np.where(
@@ -438,14 +439,14 @@ def _closed_loop(
     stable = system.is_stable()
     exact_peaks = np.full((plant.n, plant.n), math.inf)
     if stable:
-        exact_peaks = _peaks(np.abs(system.exact(dense)))
+        exact_peaks = _peaks(system.exact, dense)
         exact_peaks[exact_peaks < NOISE * exact_peaks.max()] = 0.0
     return DecoupledClosedLoop(
         stable=stable,
         omega=omega,
         approximate=system.approximate(omega),
         exact=system.exact(omega),
-        approximate_peaks=_peaks(np.abs(system.approximate(dense))),
+        approximate_peaks=_peaks(system.approximate, dense),
         exact_peaks=exact_peaks,
         indices=indices,
         process=system.process(omega),
@@ -453,16 +454,20 @@ def _closed_loop(
     )
 
 
-def _peaks(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Peaks along axis 0, refined by the parabola through the highest samples."""
-    top = np.clip(np.argmax(values, axis=0), 1, len(values) - 2)[None]
-    left, middle, right = (np.take_along_axis(values, top + k, axis=0)[0] for k in (-1, 0, 1))
-    curvature = left - 2 * middle + right
-    with np.errstate(invalid="ignore", divide="ignore"):
-        rise = np.where(curvature < 0, -((right - left) ** 2) / (8 * curvature), 0.0)
-    inside = (middle >= left) & (middle >= right)
-    peaks = np.where(inside, middle + rise, np.max(values, axis=0))
-    return np.asarray(peaks, dtype=np.float64)
+def _peaks(
+    response: Callable[[NDArray[np.float64]], NDArray[np.complex128]], omega: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Peaks of the magnitudes (n, n) of a response (k, n, n), refined from the samples `omega`."""
+    samples = np.abs(response(omega))
+    n = samples.shape[-1]
+    places = list(np.ndindex(n, n))
+
+    def side_by_side(parts: list[NDArray[np.float64]]) -> list[NDArray[np.float64]]:
+        values = np.abs(response(np.concatenate(parts)))
+        return [values[part, *place] for part, place in zip(slices(parts), places, strict=True)]
+
+    found = highest(side_by_side, [(omega, samples[:, *place]) for place in places])
+    return np.array([peak.value for peak in found]).reshape(n, n)
 
 
 def _input_error_gain(plant: Plant, loops: list[PIDesign]) -> float:
