@@ -23,6 +23,8 @@ from solver.robustness.centralised_curves import CentralisedAnalysis
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from numpy.typing import NDArray
+
     from solver.limits.realisation import Reducible
     from solver.limits.search import Found
     from solver.model.state_space import StateSpace
@@ -32,6 +34,7 @@ __all__ = ["MAX_LIMIT_SIZE", "multivariable_limit", "require_covered"]
 
 MAX_LIMIT_SIZE = 6  # of a matrix plant: the convex program grows with its fourth power
 BUILT_MU = 1.01  # of the least mu of its basis: what a reduction of the order may cost
+WORST_BUILT = 1.02  # the same on the whole axis
 ROOM = 1e-6  # relative addition to tau_P for peaks between the points of the dense grid
 ATTEMPTS = 4
 
@@ -116,27 +119,57 @@ def _realised(search: LimitSearch, best: Found) -> Realised | None:
     for found in search.buildable(best):
         parts = reducible(search, found)
         allowed = 1.0 if search.sought else BUILT_MU * found.mu
-        chosen = _reduced(search, found, parts, allowed)
-        if chosen is not None:
+        omega = found.omega
+        for _ in range(ATTEMPTS):
+            chosen = _reduced(search, found, parts, allowed, omega)
+            if chosen is None:
+                break
             realised = _analysed(search, found, chosen)
-            if realised is not None:
+            if realised is None:
+                break
+            peaks = realised.robustness.peaks
+            assert peaks is not None  # noqa: S101 - for the type checker: those without are None
+            peak = peaks.robust_performance
+            if search.sought or peak.value <= WORST_BUILT * found.mu:
                 return realised
+            omega = np.union1d(omega, [peak.omega])
     return None
 
 
 def _reduced(
-    search: LimitSearch, found: Found, parts: list[Reducible], allowed: float
+    search: LimitSearch,
+    found: Found,
+    parts: list[Reducible],
+    allowed: float,
+    omega: NDArray[np.float64],
 ) -> tuple[StateSpace, ...] | None:
+    """Return the controllers of least order with mu at most `allowed` at `omega` (k,).
+
+    More states are better but for details, so the order is bisected, and what is returned checked.
+    """
     performance = search.performance.with_tau_p(found.tau_p)
-    for threshold in np.sort(np.concatenate([part.weights for part in parts]))[::-1]:
-        controllers = tuple(part.truncated(threshold) for part in parts)
+    thresholds = np.sort(np.concatenate([part.weights for part in parts]))[::-1]
+
+    def kept(number: int) -> tuple[StateSpace, ...] | None:
+        controllers = tuple(part.truncated(thresholds[number]) for part in parts)
         analysis = CentralisedAnalysis(search.blocks, controllers, search.uncertainty, performance)
         if (
-            analysis.robust_performance(found.omega).max() <= allowed
+            analysis.robust_performance(omega).max() <= allowed
             and centralised_poles(search.blocks, controllers) == 0
         ):
             return controllers
-    return None
+        return None
+
+    few, many = -1, len(thresholds) - 1
+    best = kept(many)
+    while best is not None and many - few > 1:
+        middle = (few + many) // 2
+        trial = kept(middle)
+        if trial is None:
+            few = middle
+        else:
+            many, best = middle, trial
+    return best
 
 
 def _analysed(

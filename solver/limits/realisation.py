@@ -23,6 +23,8 @@ from scipy import linalg
 from solver.model.state_space import StateSpace, from_polynomials
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
     from solver.limits.search import Found, LimitSearch
@@ -62,7 +64,7 @@ class Reducible:
         reduced = StateSpace(b.A[:order, :order], b.B[:order], b.C[:, :order], b.D)
         if reduced.poles.real.max(initial=-1.0) >= 0:
             # Weights on both sides can leave an unstable pole beside the zero that cancels it.
-            reduced = _split(reduced, 0, 0.0)[1]
+            reduced = _split(reduced, 0.0)[1]
         return self.kept.beside(reduced)
 
 
@@ -86,7 +88,9 @@ def reducible(search: LimitSearch, found: Found) -> list[Reducible]:
         Y = found.basis.realise(found.X[index])
         mixed = StateSpace(Y.A, Y.B, own.inverse @ Y.C, own.inverse @ Y.D)
         controller = _controller(mixed, _model(search, own))
-        kept, rest = _split(controller, own.size, NOT_STABLE * search.bandwidth)
+        integrators, others = _integrators(controller, own.size)
+        unstable, rest = _split(others, NOT_STABLE * search.bandwidth)
+        kept = integrators.beside(unstable)
         if own.integrating.any():
             kept, rest = _lifted(kept, own), _lift(own).after(rest)
         parts.append(_balanced(kept, rest, omega, before, after))
@@ -186,27 +190,37 @@ def _controller(Q: StateSpace, G: StateSpace) -> StateSpace:
     return StateSpace(A, np.vstack([Q.B @ D_e, G.B @ D_u]), C_u, D_u)
 
 
-def _split(system: StateSpace, integrators: int, near: float) -> tuple[StateSpace, StateSpace]:
-    """Return the part with poles at s = 0 and right of it, and the stable rest with D."""
+def _integrators(system: StateSpace, count: int) -> tuple[StateSpace, StateSpace]:
+    """Return the `count` integrators, exact ones, and the rest with D.
+
+    T(0) = I by construction: poles that near s = 0 differ from it by rounding alone.
+    """
+    sizes = np.sort(np.abs(system.poles))
+    near = math.sqrt(sizes[count - 1] * sizes[count]) if count < sizes.size else math.inf
+    kept, rest = _parted(system, lambda real, imaginary: math.hypot(real, imaginary) <= near)
+    return StateSpace(np.zeros_like(kept.A), kept.B, kept.C, kept.D), rest
+
+
+def _split(system: StateSpace, near: float) -> tuple[StateSpace, StateSpace]:
+    """Return the part with poles right of -near, and the stable rest with D."""
+    return _parted(system, lambda real, imaginary: real > -near or real > -1e-9 * abs(imaginary))
+
+
+def _parted(
+    system: StateSpace, keep: Callable[[float, float], bool]
+) -> tuple[StateSpace, StateSpace]:
+    """Return the part whose poles (real, imaginary) are to be kept, and the rest with D."""
     T, scale = linalg.matrix_balance(system.A, permute=False)
     diagonal = np.diag(scale)
     B, C = system.B / diagonal[:, None], system.C * diagonal
-
-    def keep(real: float, imaginary: float) -> bool:
-        return real > -near or real > -1e-9 * abs(imaginary)
-
     A, V, kept = linalg.schur(T, sort=keep)
     B, C = V.T @ B, C @ V
     X = linalg.solve_sylvester(A[:kept, :kept], -A[kept:, kept:], -A[:kept, kept:])
     # Coordinates in which A is block diagonal.
     first = B[:kept] - X @ B[kept:]
     last = C[:, kept:] + C[:, :kept] @ X
-    own = A[:kept, :kept]
-    if kept == integrators:
-        own = np.zeros_like(own)  # exactly: T(0) = I by construction
-    D = np.zeros_like(system.D)
     return (
-        StateSpace(own, first, C[:, :kept], D),
+        StateSpace(A[:kept, :kept], first, C[:, :kept], np.zeros_like(system.D)),
         StateSpace(A[kept:, kept:], B[kept:], last, system.D),
     )
 

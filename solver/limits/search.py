@@ -14,7 +14,7 @@ import numpy as np
 
 from solver.limits.basis import Basis
 from solver.limits.ending import EnoughError
-from solver.limits.programs import AffineBlock, MatrixProgram, ScalarProgram
+from solver.limits.programs import AffineBlock, convex_step
 from solver.limits.youla import youla_blocks
 from solver.model.frequencies import corners, grid, resonances
 from solver.model.peaks import local_peaks
@@ -50,8 +50,10 @@ MATRIX_POINTS = 7.0  # the same for a matrix plant, whose program is a hundred t
 MATRIX_DENSITY = 2.5  # of the poles of its basis
 DENSER = 5  # points of the checking grid for each one of the program's
 POLES_PER_DECADE = (1.5, 2.5, 4.0)  # of the basis, each pole twice: of one refinement after another
+DIFFERENCE = 1e-4  # of a tau_P: for a slope that is needed to a few digits
 DIGITS = 1e-9  # of a tau_P: the last ones that a peak on a grid can have a use for
 BISECTED = 1e-7  # the same within the search, whose steps end at gains a thousand times as large
+TINY = 1e-300  # a peak beyond which a logarithm says nothing
 SLOWEST, FASTEST = 1e-9, 1e9  # of tau_P over the time of the bandwidth
 
 
@@ -100,18 +102,38 @@ def least_tau_p(
 
     """
     low = high = start
-    if peak(start) <= level:
-        while low > SLOWEST * start and peak(low) <= level:
-            high, low = low, low / 2
+    above = below = _excess(peak(start), level)
+    if above <= 0:
+        while low > SLOWEST * start and above <= 0:
+            high, below = low, above
+            low /= 2
+            above = _excess(peak(low), level)
     else:
-        while high < min(FASTEST * start, LARGEST) and peak(high) > level:
-            low, high = high, min(high * 2, LARGEST)
-        if peak(high) > level:
+        while high < min(FASTEST * start, LARGEST) and below > 0:
+            low, above = high, below
+            high = min(high * 2, LARGEST)
+            below = _excess(peak(high), level)
+        if below > 0:
             return math.inf
-    while high / low > 1 + digits:
-        middle = math.sqrt(low * high)
-        low, high = (low, middle) if peak(middle) <= level else (middle, high)
+    halve = False
+    while high / low > 1 + digits and above > 0:
+        width = math.log(high / low)
+        # The secant, as far inside as the digits ask for; every other time the middle.
+        share = 0.5 if halve else above / (above - below)
+        inside = min(digits / (3 * width), 0.5)
+        middle = low * math.exp(width * min(max(share, inside), 1 - inside))
+        value = _excess(peak(middle), level)
+        if value <= 0:
+            high, below = middle, value
+        else:
+            low, above = middle, value
+        halve = math.log(high / low) > width / 2
     return high
+
+
+def _excess(peak: float, level: float) -> float:
+    """Logarithm of a peak over its level; finite, as a secant needs it."""
+    return math.log(min(max(peak / level, TINY), 1 / TINY))
 
 
 class LimitSearch:
@@ -223,19 +245,16 @@ class LimitSearch:
         """Best controller in one basis, its grid following the peaks."""
         omega = self.omega if before is None else before.omega
         state = _State(self, basis, omega)
-        start: list[NDArray[np.float64]] | None = None
         if before is None:
             start = [np.zeros((basis.size, block.size, block.size)) for block in self.youla]
             tau_p = self.performance.tau_p or 10 / self.bandwidth
-            mu, v = state.measure(start, tau_p)
         else:
-            tau_p, mu, v = before.tau_p, before.mu, before.v
+            start, tau_p = state.fitted(before), before.tau_p
+        mu, v, tau_p = self._slower(state, start, tau_p)
         for exchange in range(MAX_EXCHANGES):
             result = self._descend(state, start, v, mu, tau_p)
             if result is None:
-                if self.ended and exchange and start is not None:
-                    return self._found(state, start, v, tau_p)
-                return None
+                return self._found(state, start, v, tau_p) if self.ended and exchange else None
             X, v, mu, tau_p = result
             if self.ended:
                 return self._found(state, X, v, tau_p)
@@ -260,7 +279,7 @@ class LimitSearch:
     def _descend(
         self,
         state: _State,
-        X: list[NDArray[np.float64]] | None,
+        X: list[NDArray[np.float64]],
         v: NDArray[np.float64],
         mu: float,
         tau_p: float,
@@ -271,14 +290,13 @@ class LimitSearch:
                 if not taken:
                     return None
                 break
-            step = state.program.solve(v, mu, state.w_I, state.w_P(tau_p))
-            if step is None:
-                break
-            trial_mu, _ = state.measure(step.X, tau_p)
-            if X is not None and not trial_mu < mu:
+            faster = self.sought and mu <= self.target * (1 + BETWEEN)
+            trial = state.step(X, v, mu, tau_p, faster=faster)
+            trial_mu, _ = state.measure(trial, tau_p)
+            if not trial_mu < mu:
                 break
             gain = 1 - trial_mu / mu
-            X = step.X
+            X = trial
             before = tau_p
             mu, v, tau_p = self._slower(state, X, tau_p)
             if max(gain, 1 - tau_p / before) < SETTLED:
@@ -292,7 +310,7 @@ class LimitSearch:
                 mu, v = state.measure(X, tau_p)
         # The peak of a tau_P found is the target, to the digits that the bisection leaves.
         missed = self.sought and mu > self.target * (1 + BETWEEN)
-        return None if X is None or missed else (X, v, mu, tau_p)
+        return None if missed else (X, v, mu, tau_p)
 
     def _checked(
         self, state: _State, X: list[NDArray[np.float64]], v: NDArray[np.float64], tau_p: float
@@ -312,7 +330,7 @@ class LimitSearch:
         )
 
         def curve(omega: NDArray[np.float64]) -> NDArray[np.float64]:
-            return _State(self, state.basis, omega, program=False).curve(X, tau_p)[0]
+            return _State(self, state.basis, omega).curve(X, tau_p)[0]
 
         values = curve(dense)
         level = curve(state.omega).max()
@@ -325,7 +343,7 @@ class LimitSearch:
     ) -> Found | None:
         low, high = float(state.omega[0]), float(state.omega[-1])
         dense = grid(low, high, DENSER * POINTS_PER_DECADE, [state.omega])
-        checking = _State(self, state.basis, dense, program=False)
+        checking = _State(self, state.basis, dense)
         if self.sought:
             tau_p = checking.least_tau_p(X, tau_p, min(1.0, self.target * (1 + 2 * BETWEEN)))
             if math.isinf(tau_p):
@@ -342,8 +360,6 @@ class _State:
         search: LimitSearch,
         basis: Basis,
         omega: NDArray[np.float64],
-        *,
-        program: bool = True,
     ) -> None:
         self.search, self.basis, self.omega = search, basis, omega
         s = np.asarray(1j * omega, dtype=np.complex128)
@@ -352,12 +368,7 @@ class _State:
         for block, own, G in zip(
             search.blocks.blocks, search.youla, search.blocks.response(omega), strict=True
         ):
-            prefilter = own.prefilter(s)
-            offset = first[:, None, None] * prefilter
-            slope = rest[:, :, None, None] * prefilter[:, None]
-            self.affine.append(AffineBlock(G, offset, slope, block.scales))
-        if program:
-            self.program = (ScalarProgram if search.scalar else MatrixProgram)(self.affine)
+            self.affine.append(AffineBlock(G, own.prefilter(s), first, rest, block.scales))
         self.w_I = search.uncertainty.magnitude(omega)
 
     def w_P(self, tau_p: float) -> NDArray[np.float64]:  # noqa: N802 - the weight's name
@@ -377,6 +388,43 @@ class _State:
         """Peak of mu on the grid, and v (k, scales)."""
         mu, v = self.curve(X, tau_p)
         return float(mu.max()), v
+
+    def fitted(self, found: Found) -> list[NDArray[np.float64]]:
+        """Coefficients in this basis that come near to a controller found in another one."""
+        s = np.asarray(1j * self.omega, dtype=np.complex128)
+        first, rest = found.basis(s)
+        own_first, own = self.basis(s)
+        # What an error of Y does to N, in directions that the plant passes on by its static gain.
+        weight = (self.w_I + self.w_P(found.tau_p))[:, None]
+        solution: list[NDArray[np.float64]] = []
+        for X in found.X:
+            Y = rest @ X.reshape(len(X), -1)
+            Y += (first - own_first)[:, None] * np.eye(X.shape[1]).ravel()
+            left, right = (np.vstack([part.real, part.imag]) for part in (weight * own, weight * Y))
+            fit = np.asarray(np.linalg.lstsq(left, right, rcond=None)[0])
+            solution.append(fit.reshape(-1, *X.shape[1:]))
+        return solution
+
+    def step(
+        self,
+        X: list[NDArray[np.float64]],
+        v: NDArray[np.float64],
+        mu: float,
+        tau_p: float,
+        *,
+        faster: bool,
+    ) -> list[NDArray[np.float64]]:
+        """Coefficients after a convex step from the peak `mu` at the scales v.
+
+        `faster`: towards a smaller tau_P rather than a smaller mu.
+        """
+        weights = self.w_I, self.w_P(tau_p)
+        if not faster:
+            return convex_step(self.affine, X, v, level=mu, weights=weights)
+        shorter = self.w_P(tau_p * (1 - DIFFERENCE))
+        rise = np.log(shorter / weights[1]) / -math.log1p(-DIFFERENCE)
+        rise = np.clip(rise, 0.0, 1.0)
+        return convex_step(self.affine, X, v, level=mu, weights=weights, rise=rise)
 
     def least_tau_p(self, X: list[NDArray[np.float64]], start: float, level: float) -> float:
         """Least tau_P at which the coefficients keep mu at `level` or below on the grid."""

@@ -68,6 +68,7 @@ def from_state_space(
 
     """
     system = StateSpace(A, B, C, D)
+    system.require_few("/A")
     n = len(system.D)
     if system.D.shape != (n, n):
         message = f"a plant is square; this one has {n} outputs and {system.D.shape[1]} inputs"

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 __all__ = ["MAX_STATES", "StateSpace", "from_polynomials", "from_transfer_matrix"]
 
-MAX_STATES = 400
+MAX_STATES = 400  # of a system that is given; what is made of one on the way may have more
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +35,7 @@ class StateSpace(ByValue):
     Raises
     ------
     InvalidInputError
-        Shapes that do not fit together, a number that is not finite, above `MAX_STATES` states.
+        Shapes that do not fit together, a number that is not finite.
 
     Examples
     --------
@@ -54,9 +54,6 @@ class StateSpace(ByValue):
         outputs, inputs = through.shape
         dynamics = _matrix(A, "/A", empty=True)
         states = len(dynamics) if dynamics.size else 0
-        if states > MAX_STATES:
-            message = f"at most {MAX_STATES} states"
-            raise InvalidInputError(message, "/A")
         shapes = {"A": (states, states), "B": (states, inputs), "C": (outputs, states)}
         for (name, shape), value in zip(shapes.items(), (A, B, C), strict=True):
             given = _matrix(value, f"/{name}", empty=True)
@@ -72,6 +69,12 @@ class StateSpace(ByValue):
     def states(self) -> int:
         """Number of states r."""
         return len(self.A)
+
+    def require_few(self, field: str) -> None:
+        """Raise `InvalidInputError`, naming `field`, above `MAX_STATES` states."""
+        if self.states > MAX_STATES:
+            message = f"at most {MAX_STATES} states"
+            raise InvalidInputError(message, field)
 
     @cached_property
     def poles(self) -> NDArray[np.complex128]:

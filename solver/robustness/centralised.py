@@ -104,7 +104,7 @@ def analyse_centralised(
     require_supported(plant)
     blocks, controllers = _paired(plant, uncertainty, controller)
     for each in controllers:
-        _require_no_oscillator(each)
+        _require_covered(each)
     return analyse_blocks(blocks, controllers, uncertainty, performance, proof=proof)
 
 
@@ -201,7 +201,9 @@ def _paired(
     return central_blocks(matrix, uncertainty), (controller,)
 
 
-def _require_no_oscillator(controller: StateSpace | MatrixPlant) -> None:
+def _require_covered(controller: StateSpace | MatrixPlant) -> None:
+    if isinstance(controller, StateSpace):
+        controller.require_few("/controller")
     poles = controller_poles(controller)
     sizes = np.abs(poles)
     near = np.abs(poles.real) <= ON_THE_AXIS * sizes
