@@ -10,7 +10,7 @@ import numpy as np
 from solver.limits.lower_bound import lower_bound, unlimited
 from solver.limits.realisation import reducible
 from solver.limits.record import Limit, LimitStatus, Realised
-from solver.limits.search import LimitSearch, least_tau_p
+from solver.limits.search import LimitSearch, checking_grid, least_tau_p
 from solver.model.errors import InvalidInputError
 from solver.model.given import require_alike, require_fit
 from solver.model.mode_controller import ModeController
@@ -119,7 +119,7 @@ def _realised(search: LimitSearch, best: Found) -> Realised | None:
     for found in search.buildable(best):
         parts = reducible(search, found)
         allowed = 1.0 if search.sought else BUILT_MU * found.mu
-        omega = found.omega
+        omega = checking_grid(found.omega)
         for _ in range(ATTEMPTS):
             chosen = _reduced(search, found, parts, allowed, omega)
             if chosen is None:

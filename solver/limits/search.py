@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from solver.model.plants import Plant
     from solver.model.weights import Performance, Uncertainty
 
-__all__ = ["Found", "LimitSearch", "bandwidth_of", "least_tau_p"]
+__all__ = ["Found", "LimitSearch", "bandwidth_of", "checking_grid", "least_tau_p"]
 
 SETTLED = 2e-4  # relative gain of a step below which the next ones gain less
 REFINED = 5e-3  # relative gain of a richer basis below which the value has settled
@@ -293,13 +293,12 @@ class LimitSearch:
             faster = self.sought and mu <= self.target * (1 + BETWEEN)
             trial = state.step(X, v, mu, tau_p, faster=faster)
             trial_mu, _ = state.measure(trial, tau_p)
-            if not trial_mu < mu:
-                break
-            gain = 1 - trial_mu / mu
-            X = trial
-            before = tau_p
-            mu, v, tau_p = self._slower(state, X, tau_p)
-            if max(gain, 1 - tau_p / before) < SETTLED:
+            gain = 0.0
+            if trial_mu < mu:
+                gain, before, X = 1 - trial_mu / mu, tau_p, trial
+                mu, v, tau_p = self._slower(state, X, tau_p)
+                gain = max(gain, 1 - tau_p / before)
+            if gain < SETTLED:
                 if not (
                     self.sought
                     and mu > self.target * (1 + BETWEEN)
@@ -316,18 +315,7 @@ class LimitSearch:
         self, state: _State, X: list[NDArray[np.float64]], v: NDArray[np.float64], tau_p: float
     ) -> Found | NDArray[np.float64] | None:
         """Return the controller if no peak between the points matters, else the peaks to add."""
-        dense = np.unique(
-            np.concatenate(
-                [
-                    state.omega,
-                    grid(
-                        float(state.omega[0]),
-                        float(state.omega[-1]),
-                        DENSER * POINTS_PER_DECADE,
-                    ),
-                ]
-            )
-        )
+        dense = checking_grid(state.omega)
 
         def curve(omega: NDArray[np.float64]) -> NDArray[np.float64]:
             return _State(self, state.basis, omega).curve(X, tau_p)[0]
@@ -341,8 +329,7 @@ class LimitSearch:
     def _found(
         self, state: _State, X: list[NDArray[np.float64]], v: NDArray[np.float64], tau_p: float
     ) -> Found | None:
-        low, high = float(state.omega[0]), float(state.omega[-1])
-        dense = grid(low, high, DENSER * POINTS_PER_DECADE, [state.omega])
+        dense = checking_grid(state.omega)
         checking = _State(self, state.basis, dense)
         if self.sought:
             tau_p = checking.least_tau_p(X, tau_p, min(1.0, self.target * (1 + 2 * BETWEEN)))
@@ -450,6 +437,11 @@ class _State:
         ]
         mu, x = best_scales(self.search.blocks, matrices)
         return mu, 1 / x
+
+
+def checking_grid(omega: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Frequencies between those of a search's grid `omega` (k,), and these."""
+    return grid(float(omega[0]), float(omega[-1]), DENSER * POINTS_PER_DECADE, [omega])
 
 
 def bandwidth_of(plant: Plant, uncertainty: Uncertainty, bends: NDArray[np.float64]) -> float:
