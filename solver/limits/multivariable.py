@@ -10,7 +10,7 @@ import numpy as np
 from solver.limits.lower_bound import lower_bound, unlimited
 from solver.limits.realisation import reducible
 from solver.limits.record import Limit, LimitStatus, Realised
-from solver.limits.search import LimitSearch, checking_grid, least_tau_p
+from solver.limits.search import BETWEEN, LimitSearch, checking_grid, least_tau_p
 from solver.model.errors import InvalidInputError
 from solver.model.given import require_alike, require_fit
 from solver.model.mode_controller import ModeController
@@ -33,8 +33,7 @@ if TYPE_CHECKING:
 __all__ = ["MAX_LIMIT_SIZE", "multivariable_limit", "require_covered"]
 
 MAX_LIMIT_SIZE = 6  # of a matrix plant: the convex program grows with its fourth power
-BUILT_MU = 1.01  # of the least mu of its basis: what a reduction of the order may cost
-WORST_BUILT = 1.02  # the same on the whole axis
+BUILT_MU = (1.01, 1.05)  # of the least mu of its basis: what a reduction of the order may cost
 ROOM = 1e-6  # relative addition to tau_P for peaks between the points of the dense grid
 ATTEMPTS = 4
 
@@ -118,21 +117,27 @@ def _realised(search: LimitSearch, best: Found) -> Realised | None:
     """Return the controller of least order that keeps what the search found."""
     for found in search.buildable(best):
         parts = reducible(search, found)
-        allowed = 1.0 if search.sought else BUILT_MU * found.mu
-        omega = checking_grid(found.omega)
-        for _ in range(ATTEMPTS):
-            chosen = _reduced(search, found, parts, allowed, omega)
-            if chosen is None:
-                break
-            realised = _analysed(search, found, chosen)
-            if realised is None:
-                break
-            peaks = realised.robustness.peaks
-            assert peaks is not None  # noqa: S101 - for the type checker: those without are None
-            peak = peaks.robust_performance
-            if search.sought or peak.value <= WORST_BUILT * found.mu:
+        for cost in (None,) if search.sought else BUILT_MU:
+            realised = _built(search, found, parts, None if cost is None else cost * found.mu)
+            if realised is not None:
                 return realised
-            omega = np.union1d(omega, [peak.omega])
+    return None
+
+
+def _built(
+    search: LimitSearch, found: Found, parts: list[Reducible], most: float | None
+) -> Realised | None:
+    """Return a controller with mu at most `most`, or, where tau_P is sought, with its tau_P."""
+    omega = checking_grid(found.omega)
+    for _ in range(ATTEMPTS):
+        chosen = _reduced(search, found, parts, most or 1.0, omega)
+        realised = None if chosen is None else _analysed(search, found, chosen)
+        if realised is None or realised.robustness.peaks is None:
+            return None
+        peak = realised.robustness.peaks.robust_performance
+        if most is None or peak.value <= most * (1 + BETWEEN):
+            return realised
+        omega = np.union1d(omega, [peak.omega])
     return None
 
 

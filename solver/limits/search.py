@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from solver.model.plants import Plant
     from solver.model.weights import Performance, Uncertainty
 
-__all__ = ["Found", "LimitSearch", "bandwidth_of", "checking_grid", "least_tau_p"]
+__all__ = ["BETWEEN", "Found", "LimitSearch", "bandwidth_of", "checking_grid", "least_tau_p"]
 
 SETTLED = 2e-4  # relative gain of a step below which the next ones gain less
 REFINED = 5e-3  # relative gain of a richer basis below which the value has settled
@@ -47,7 +47,7 @@ SLOWER = 4.0  # by which tau_P grows while no controller is found that meets it
 SLOWEST_TRIED = 1e6  # times the inverse bandwidth: w_P has then ended before any loop begins
 POINTS_PER_DECADE = 12.0
 MATRIX_POINTS = 7.0  # the same for a matrix plant, whose program is a hundred times as large
-MATRIX_DENSITY = 2.5  # of the poles of its basis
+REFINED_SIZE = 3  # units of the largest matrix plant whose basis is refined
 DENSER = 5  # points of the checking grid for each one of the program's
 POLES_PER_DECADE = (1.5, 2.5, 4.0)  # of the basis, each pole twice: of one refinement after another
 DIFFERENCE = 1e-4  # of a tau_P: for a slope that is needed to a few digits
@@ -187,15 +187,14 @@ class LimitSearch:
 
     @property
     def scalar(self) -> bool:
-        """Whether all blocks have one channel: then a step costs milliseconds, else seconds."""
+        """Whether all blocks have one channel: then a step costs milliseconds."""
         return all(block.size == 1 for block in self.blocks.blocks)
 
     def run(self) -> Found | None:
         """Return the best controller; None where mu stays above 1 for every tau_P."""
         best: Found | None = None
-        if not self.scalar:
-            return self._with_basis(self._built_basis(MATRIX_DENSITY), None)
-        for density in POLES_PER_DECADE:
+        few = len(POLES_PER_DECADE) if self.plant.n <= REFINED_SIZE or self.scalar else 1
+        for density in POLES_PER_DECADE[:few]:
             found = self._with_basis(self._basis(density, self.range[1], 10 * self.range[1]), best)
             if found is None:
                 break
@@ -216,10 +215,7 @@ class LimitSearch:
 
     def buildable(self, best: Found) -> Iterator[Found]:
         """Yield controllers with a margin for their realisation, the fastest one first."""
-        if not self.sought and not self.scalar:
-            yield best
-            return
-        basis = self._built_basis(BUILT_DENSITY if self.scalar else MATRIX_DENSITY)
+        basis = self._built_basis(BUILT_DENSITY)
         for margin in MARGINS if self.sought else (1.0,):
             if self._enough():
                 return
