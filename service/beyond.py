@@ -33,7 +33,7 @@ NAMES = {
 SYMBOLS = {"tau_p": "τP", "mu": "μ"}  # of what is made small
 LARGEST_SHOWN = 20  # units up to which a full controller is written down
 
-MOST_UNITS = 3  # one convex step of a larger matrix plant takes longer than a job may overrun
+MOST_UNITS = 4  # one convex step of a larger matrix plant takes longer than a job may overrun
 
 
 def with_limit(
@@ -64,7 +64,7 @@ def with_limit(
     if specification.plant.n > MOST_UNITS and not specification.plant.interchangeable:
         text = f"matrix plants above {MOST_UNITS} units take minutes: ask `mutune limit`"
         return {**document, "limit": _without("not_covered", f"No limit: {text}.")}
-    # Compiled kernels and cvxpy are loaded where they are used.
+    # Compiled kernels are loaded where they are used.
     from solver.limits.comparison import compare_controllers  # noqa: PLC0415
     from solver.limits.ending import EnoughError  # noqa: PLC0415
 
