@@ -27,10 +27,12 @@ from solver.tuning.record import (
     Tuning,
 )
 from solver.tuning.rounded import rounded, too_coarse
-from solver.tuning.scenario_outcomes import binding, overall, scenario_outcomes
+from solver.tuning.scenario_outcomes import binding, of_spread, overall, scenario_outcomes
 from solver.tuning.settle import Settled, settled
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     import numpy as np
     from numpy.typing import NDArray
 
@@ -38,6 +40,7 @@ if TYPE_CHECKING:
     from solver.model.controllers import Controller
     from solver.optimality.record import Optimality
     from solver.robustness.model_tolerance import ModelTolerance
+    from solver.robustness.record import Guarantee
     from solver.tuning.clock import Clock
     from solver.tuning.groupings import Groups
     from solver.tuning.search import GroupingSearch
@@ -74,6 +77,8 @@ def report(
     search, end = (chosen.search, end) if alike is None else alike
     status = Status.TIME_LIMIT if late else status
     if end is None:
+        if status is Status.TIME_LIMIT:
+            return _cut_short(specification, search, clock)
         assert chosen.candidate is not None  # noqa: S101 - for the type checker
         slow, _ = search.slowest_demand(search.nearly_feasible(chosen.candidate.theta))
         reason = (
@@ -99,6 +104,8 @@ def report(
     unmet = [each for each in demands if not each.met]
     if unmet:
         reason = f"none were found that keep {unmet[0].name} on the whole frequency axis"
+        if status is Status.TIME_LIMIT:
+            return _cut_short(specification, search, clock)
         return infeasible(specification, search.groups, clock, reason, None)
     warnings = [
         *plant_remarks(specification.plant),
@@ -136,9 +143,7 @@ def report(
         nominally_stable=True,
         search=_summary(specification, search, clock),
         curves=end.axes[0].curves,
-        guarantee=overall(
-            [axis.guarantee for axis in end.axes] + [each.guarantee for each in scenarios]
-        ),
+        guarantee=_guarantee(end, scenarios),
         demands=demands,
         scenarios=scenarios,
         active=binding(scenarios),
@@ -159,6 +164,23 @@ def report(
     if specification.rough:
         return result
     return replace(result, advice=(*result.advice, *plain_advice(specification, result)))
+
+
+def _cut_short(specification: Specification, search: GroupingSearch, clock: Clock) -> Tuning:
+    """Return that no settings are left in the end, which a whole search might have found."""
+    reason = (
+        "the search was stopped or its time limit came before settings were found that keep what "
+        "is asked at all frequencies"
+    )
+    return infeasible(specification, search.groups, clock, reason, None, status=Status.TIME_LIMIT)
+
+
+def _guarantee(end: Settled, scenarios: Sequence[ScenarioOutcome]) -> Guarantee:
+    """Return what is proven of all plants, those of a spread included."""
+    found = [axis.guarantee for axis in end.axes] + [each.guarantee for each in scenarios]
+    if end.spread is not None:
+        found.append(of_spread(end, overall(found)))
+    return overall(found)
 
 
 def _absent_from_spread(specification: Specification) -> list[str]:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from solver.tuning.settle import Settled
     from solver.tuning.specification import Specification
 
-__all__ = ["binding", "overall", "scenario_outcomes"]
+__all__ = ["binding", "of_spread", "overall", "scenario_outcomes"]
 
 TOGETHER = 1e-6  # of tau_P or mu: scenarios that differ by rounding alone
 
@@ -65,7 +65,7 @@ def scenario_outcomes(
             continue
         guarantee = overall([end.axes[index].guarantee for index in mine])
         if number > len(specification.scenarios):
-            guarantee = _of_spread(end, guarantee)
+            guarantee = of_spread(end, guarantee)
         worst = max(mine, key=lambda index: end.axes[index].peaks.robust_performance.value)
         taus = [values[index] for index in mine]
         found.append(
@@ -83,7 +83,7 @@ def scenario_outcomes(
     return tuple(found), list(dict.fromkeys(warnings))
 
 
-def _of_spread(end: Settled, of_cases: Guarantee) -> Guarantee:
+def of_spread(end: Settled, of_cases: Guarantee) -> Guarantee:
     """Return what is proven of all plants of the spread; `of_cases`: of those that are cases."""
     plants = 0 if end.spread is None else end.spread.plants
     proof = None if end.spread is None else end.spread.proof

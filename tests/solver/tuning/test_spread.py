@@ -77,6 +77,19 @@ def test_a_matrix_plant_spreads_alike():
     assert here.tau_p == pytest.approx(there.tau_p, rel=1e-4)
 
 
+def test_what_was_cut_short_is_neither_impossible_nor_proven():
+    """Whatever the time limit: no "infeasible", and no guarantee without the spread's proof."""
+    spread = Spread(gain=0.1, time_constant=0.2, interaction=0.02)
+    for limit in (0.02, 0.3, 1.0):
+        found = task(SLH, spread, arrangement=Arrangement.INDEPENDENT, time_limit=limit)
+        assert found.status in {Status.TIME_LIMIT, Status.OPTIMAL}
+        if found.loops:
+            sure = found.spread is not None and found.spread.proof.proven
+            assert (found.guarantee.status == "proven") == sure
+        else:
+            assert "time limit" in found.reason
+
+
 def test_a_wider_box_costs_more():
     """tau_P rises with the deviation; none is the plain task."""
     values = [task(SLH, Spread(gain=width)).tau_p for width in (0.0, 0.05, 0.1)]
