@@ -23,6 +23,7 @@ __all__ = [
     "number",
     "optimality_text",
     "peak_rows",
+    "spread_lines",
     "unit_of",
     "units_text",
 ]
@@ -68,6 +69,23 @@ def guarantee_text(guarantee: Guarantee | None) -> str:
     if guarantee.status == "proven":
         return f"Proven: mu is at most {number(guarantee.level)} at every frequency."
     return f"Not proven over all frequencies: {guarantee.reason}."
+
+
+def spread_lines(result: TuningResult) -> list[str]:
+    """Return the worst plant of a spread, and what is proven of all; nothing without one."""
+    if result.spread is None:
+        return []
+    errors = ", ".join(
+        f"{name} {100 * error:+.3g} %" for name, error in result.spread.worst.items()
+    )
+    said = [f"Spread: worst of {result.spread.plants} plants beside the corners: {errors}."]
+    proof = result.spread.proof
+    if proof is not None:
+        told = f"not all plants of it are proven: {proof.reason}."
+        if proof.reason is None:
+            told = f"mu is proven to be at most {proof.level:.6g} for every plant of it."
+        said.append(f"Spread: {told}")
+    return said
 
 
 def optimality_text(proof: Optimality | None) -> str | None:

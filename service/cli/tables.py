@@ -24,6 +24,7 @@ from service.wording import (
     NO_LESS,
     number,
     optimality_text,
+    spread_lines,
     units_text,
 )
 
@@ -100,19 +101,7 @@ def _ranges(result: TuningResult, near: SettingsTolerance) -> list[Part]:
 def _scenarios(result: TuningResult) -> list[Part]:
     """Return what the settings make of further plants."""
     parts: list[Part] = [scenarios_grid(result)] if result.scenarios else []
-    if result.spread is not None:
-        errors = ", ".join(
-            f"{name} {100 * error:+.3g} %" for name, error in result.spread.worst.items()
-        )
-        parts.append(
-            Line(f"Spread: worst of {result.spread.plants} plants beside the corners: {errors}.")
-        )
-        proof = result.spread.proof
-        if proof is not None:
-            told = f"not all plants of it are proven: {proof.reason}."
-            if proof.reason is None:
-                told = f"mu is proven to be at most {proof.level:.6g} for every plant of it."
-            parts.append(Line(f"Spread: {told}"))
+    parts += [Line(text) for text in spread_lines(result)]
     return parts
 
 

@@ -39,6 +39,7 @@ from service.wording import (
     number,
     optimality_text,
     peak_rows,
+    spread_lines,
 )
 from solver import __version__
 from solver.model.controllers import Controller
@@ -113,6 +114,7 @@ def report_html(tuned: RequestedTuning, made_at: datetime, job: str | None = Non
         model_tolerance=[line.text for line in tolerance_lines(result.model_tolerance)],
         certificate_link=_data_url(json.dumps(result.certificate)),
         scenarios=_scenarios(tuned),
+        spread=spread_lines(result),
         margins=[] if tuned.mixes_inputs else _margins(tuned.plant, tuned.loops, names),
         as_found=_as_found(tuned),
         resolution=resolution_text(result),

@@ -80,12 +80,15 @@ function plate({ plant, uncertainty: { epsilon, theta }, performance: { max_peak
 }
 
 /** What each scenario makes of the settings. @param {any} result */
-function scenarios({ scenarios: found, active }) {
+function scenarios({ scenarios: found, active, spread }) {
   if (!found?.length) return null;
-  return h("ul", {}, found.map(({ name, in_service: units, sets, tau_p: own, peaks }) => h("li", {},
+  const proof = spread?.proof;
+  const told = proof && help(proof.reason ? `Not all plants of the spread are proven: ${sentence(proof.reason)}`
+    : `Every plant of the spread is proven: μ is at most ${number(proof.level, 5)}.`);
+  return h("div", {}, h("ul", {}, found.map(({ name, in_service: units, sets, tau_p: own, peaks }) => h("li", {},
     h("strong", {}, name), name === active ? " decides" : "", `: μ ${number(peaks.robust_performance.value)}`,
     own ? `, alone ${timed(own)}` : "",
-    sets > 1 ? `, worst of ${sets} sets: units ${units.map((unit) => unit + 1).join(", ")}` : "")));
+    sets > 1 ? `, worst of ${sets} sets: units ${units.map((unit) => unit + 1).join(", ")}` : ""))), told);
 }
 
 /** @param {any} guarantee */

@@ -73,6 +73,7 @@ def test_a_spread_tells_its_worst_plant() -> None:
     assert found.result.spread.proof.open == 0
     lines = [part.text for part in tuning_table(found.result) if isinstance(part, Line)]
     assert any(text.startswith("Spread: worst of") for text in lines)
+    assert any("for every plant of it" in text for text in lines)
     task = found.request.build()
     result = Tuned(task, tune(task))
     assert read(write(result)) == result
