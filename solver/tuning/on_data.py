@@ -22,6 +22,7 @@ from solver.model.weights import Performance
 from solver.mu.kernel import FINE
 from solver.robustness.on_data import data_analysis, demand_unseen, on_data, peaks_of
 from solver.stability.on_data import Undecided, at_rest, unstable_poles_on_data
+from solver.tuning.as_found_on_data import as_found_on_data
 from solver.tuning.clock import Clock, OutOfTimeError
 from solver.tuning.demand_checks import outcomes, planes
 from solver.tuning.demands import IntegrityDemand
@@ -63,7 +64,6 @@ _NOT_OFFERED = (
     ("scenarios", "/scenarios", "scenarios"),
     ("spread", "/spread", "a spread of parameters"),
     ("resolution", "/controller/resolution", "a resolution of the settings"),
-    ("as_found", "/as_found", "settings as found: analyse them by themselves (robustness)"),
     ("optimality_gap", "/search/optimality_gap", "a proof of optimality"),
 )
 
@@ -353,6 +353,7 @@ class _Run:
             curves=curves,
             guarantee=on_data(self.plant, peaks),
             demands=outcomes(task.demands, (), loops),
+            as_found=as_found_on_data(task, performance, self.gain),
             warnings=tuple(filter(None, [demand_unseen(self.plant, performance), *bound])),
         )
 
@@ -368,6 +369,7 @@ class _Run:
             nominally_stable=False,
             search=self._summary(),
             curves=None,
+            as_found=as_found_on_data(self.specification, None, self.gain),
             reason="no feasible settings were found within the time limit" if timed else reason,
         )
 

@@ -44,6 +44,23 @@ def tuned(plant: MeasuredPlant, **options: Any) -> Any:
     return tune(Specification(plant, UNCERTAIN, Performance(), **options))
 
 
+def test_settings_as_found_are_judged_at_the_frequencies_of_the_data() -> None:
+    """The tau_P of the model's within the density of the data; unstable ones have none."""
+    today = (Controller(46.3, 101.0), Controller(22.8, 3.15))
+    options = {"arrangement": "identical", "starts": 1}
+    here = tuned(sampled_at(SEED), as_found=today, **options).as_found
+    there = tune(
+        Specification(SEED, UNCERTAIN, Performance(), as_found=today, **options)  # type: ignore[arg-type]
+    ).as_found
+    assert here.nominally_stable
+    assert here.tau_p == pytest.approx(there.tau_p, rel=3e-3)
+    assert here.tau_p <= there.tau_p * (1 + 1e-6)
+    wrong = tuned(sampled_at(SEED), as_found=(Controller(-1.0, 5.0),) * 2, **options).as_found
+    assert not wrong.nominally_stable
+    assert wrong.tau_p is None
+    assert "unstable" in wrong.reason
+
+
 @pytest.mark.parametrize(
     ("arrangement", "kind", "exact"),
     [("identical", "PI", 25.7735), ("independent", "PI", 18.4463), ("identical", "PID", 12.976)],
@@ -181,7 +198,6 @@ def test_demands_and_bounds_hold_on_data() -> None:
         ({"pairing": "best"}, "/pairing"),
         ({"optimality_gap": True}, "/search/optimality_gap"),
         ({"demands": Demands(max_sensitivity_alone=1.8)}, "/demands/max_sensitivity_alone"),
-        ({"as_found": (Controller(1.0, 2.0),) * 2}, "/as_found"),
     ],
 )
 def test_what_needs_a_model_is_refused_by_name(options: dict[str, Any], field: str) -> None:
