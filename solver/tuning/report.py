@@ -77,15 +77,7 @@ def report(
     search, end = (chosen.search, end) if alike is None else alike
     status = Status.TIME_LIMIT if late else status
     if end is None:
-        if status is Status.TIME_LIMIT:
-            return _cut_short(specification, search, clock)
-        assert chosen.candidate is not None  # noqa: S101 - for the type checker
-        slow, _ = search.slowest_demand(search.nearly_feasible(chosen.candidate.theta))
-        reason = (
-            "none were found that keep mu <= 1 on the whole axis: for the nearest ones even an "
-            f"infinitely slow demand peaks at mu = {slow.value:.6g} near omega = {slow.omega:.4g}"
-        )
-        return infeasible(specification, search.groups, clock, reason, slow.omega)
+        return _none_kept(specification, search, chosen, clock, status)
     price = None
     if specification.resolution is not None:
         try:
@@ -103,10 +95,7 @@ def report(
     )
     unmet = [each for each in demands if not each.met]
     if unmet:
-        reason = f"none were found that keep {unmet[0].name} on the whole frequency axis"
-        if status is Status.TIME_LIMIT:
-            return _cut_short(specification, search, clock)
-        return infeasible(specification, search.groups, clock, reason, None)
+        return _unmet(specification, search, clock, unmet[0].name, status)
     warnings = [
         *plant_remarks(specification.plant),
         *filter(None, [output_units_warning(specification.plant, specification.performance)]),
@@ -164,6 +153,35 @@ def report(
     if specification.rough:
         return result
     return replace(result, advice=(*result.advice, *plain_advice(specification, result)))
+
+
+def _none_kept(
+    specification: Specification,
+    search: GroupingSearch,
+    chosen: Solution,
+    clock: Clock,
+    status: Status,
+) -> Tuning:
+    """Return that no settings keep the level on the whole axis."""
+    if status is Status.TIME_LIMIT:
+        return _cut_short(specification, search, clock)
+    assert chosen.candidate is not None  # noqa: S101 - for the type checker
+    slow, _ = search.slowest_demand(search.nearly_feasible(chosen.candidate.theta))
+    reason = (
+        "none were found that keep mu <= 1 on the whole axis: for the nearest ones even an "
+        f"infinitely slow demand peaks at mu = {slow.value:.6g} near omega = {slow.omega:.4g}"
+    )
+    return infeasible(specification, search.groups, clock, reason, slow.omega)
+
+
+def _unmet(
+    specification: Specification, search: GroupingSearch, clock: Clock, name: str, status: Status
+) -> Tuning:
+    """Return that a demand is not met after all."""
+    if status is Status.TIME_LIMIT:
+        return _cut_short(specification, search, clock)
+    reason = f"none were found that keep {name} on the whole frequency axis"
+    return infeasible(specification, search.groups, clock, reason, None)
 
 
 def _cut_short(specification: Specification, search: GroupingSearch, clock: Clock) -> Tuning:
