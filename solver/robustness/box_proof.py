@@ -34,7 +34,7 @@ __all__ = ["BoxProof", "OpenBox", "keeps_stable", "proven_box"]
 
 MOST_ROWS = 6  # of the widest block: the work grows with the cube
 FIRST_STEP = 0.7  # log(ratio) of the frequencies of the first boxes
-WORK = 60_000  # boxes of two rows and two parameters, some ten seconds; fewer where one costs more
+WORK = 75_000  # boxes of two rows and two parameters, some ten seconds; fewer where one costs more
 AT_ONCE = 1024
 MARGIN = 1e-9  # of F = I: more than the rounding of its eigenvalues
 SMALLEST = 1e-7  # of a share or log(ratio): what is not proven there will not be
@@ -139,7 +139,9 @@ def proven_box(
     seen = 0
     above: Boxes | None = None
     for number, level in enumerate(levels, start=1):
-        most = math.ceil(number * work * WORK / (len(levels) * share))
+        # Of two levels the first one gets two thirds.
+        part = 1 - (len(levels) - number) / (len(levels) + 1)
+        most = math.ceil(part * work * WORK / share)
         left, above, looked = _searched(loop, left, level, most - seen, interrupt)
         seen += looked
         if above is None and not left.number:
