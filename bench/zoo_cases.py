@@ -3,6 +3,7 @@
 import numpy as np
 
 USUAL = {"epsilon": 0.2, "theta": 1}
+QUOTED = ", numbers as quoted elsewhere, not compared with the paper"
 NONE = {"num": [0], "den": [1]}
 
 
@@ -68,11 +69,12 @@ def published():
         matrix([[([0.878], lag), ([-0.864], lag)], [([-1.082], lag), ([1.096], lag)]]),
         {},
     )
-    yield "Wood and Berry", "Wood and Berry 1973", matrix(
+    source = "Wood and Berry 1973, as in Astrom and Hagglund 2006, example 11.6"
+    yield "Wood and Berry", source, matrix(
         [[([12.8], [16.7, 1], 1), ([-18.9], [21, 1], 3)],
          [([6.6], [10.9, 1], 7), ([-19.4], [14.4, 1], 3)]]
     ), {}  # fmt: skip
-    yield "Vinante and Luyben", "Vinante and Luyben 1972", matrix(
+    yield "Vinante and Luyben", f"Vinante and Luyben 1972{QUOTED}", matrix(
         [[([-2.2], [7, 1], 1), ([1.3], [7, 1], 0.3)],
          [([-2.8], [9.5, 1], 1.8), ([4.3], [9.2, 1], 0.35)]]
     ), {}  # fmt: skip
@@ -169,30 +171,31 @@ def matrices():
 def columns():
     """Further plants from papers: columns, a reactor, tanks."""
     some = {"uncertainty": {"epsilon": 0.2, "theta": 0.1}}
-    yield "Wardle and Wood", "Wardle and Wood 1969", matrix(
+    yield "Wardle and Wood", f"Wardle and Wood 1969{QUOTED}", matrix(
         [[([0.126], [60, 1], 6), ([-0.101], np.polymul([48, 1], [45, 1]).tolist(), 12)],
          [([0.094], [38, 1], 8), ([-0.12], [35, 1], 8)]]
     ), {}  # fmt: skip
-    yield "Tyreus stabilizer", "Tyreus 1982, as in Luyben 1986", matrix(
+    yield "Tyreus stabilizer", f"Tyreus 1982, as in Luyben 1986{QUOTED}", matrix(
         [[([-1.153, -0.1153], np.poly([-0.25] * 3).dot(64).tolist(), 0.1),
           ([0.2429], np.polymul([33, 1], [33, 1]).tolist(), 2)],
          [([-0.0887], np.polymul([43, 1], [22, 1]).tolist(), 12.6),
           ([0.2429], np.polymul([44, 1], [20, 1]).tolist(), 0.17)]]
     ), some  # fmt: skip
-    yield "polymerisation reactor", "Chien, Huang and Yang 1999", matrix(
+    yield "polymerisation reactor", f"Chien, Huang and Yang 1999{QUOTED}", matrix(
         [[([22.89], [4.572, 1], 0.2), ([-11.64], [1.807, 1], 0.4)],
          [([4.689], [2.174, 1], 0.2), ([5.8], [1.801, 1], 0.4)]]
     ), some  # fmt: skip
-    yield "four tanks, minimum phase", "Johansson 2000, P-", matrix(
+    yield "four tanks, minimum phase", f"Johansson 2000, P-{QUOTED}", matrix(
         [[([2.6], [62, 1]), ([1.5], np.polymul([23, 1], [62, 1]).tolist())],
          [([1.4], np.polymul([30, 1], [90, 1]).tolist()), ([2.8], [90, 1])]]
     ), {}  # fmt: skip
     # Paired crosswise, as its relative gains ask for.
-    yield "four tanks, zero on the right", "Johansson 2000, P+, inputs interchanged", matrix(
+    source = f"Johansson 2000, P+, inputs interchanged{QUOTED}"
+    yield "four tanks, zero on the right", source, matrix(
         [[([2.5], np.polymul([39, 1], [63, 1]).tolist()), ([1.5], [63, 1])],
          [([1.6], [91, 1]), ([2.5], np.polymul([56, 1], [91, 1]).tolist())]]
     ), {}  # fmt: skip
-    yield "Ogunnaike and Ray", "Ogunnaike and Ray 1979", matrix(
+    yield "Ogunnaike and Ray", f"Ogunnaike and Ray 1979{QUOTED}", matrix(
         [[([0.66], [6.7, 1], 2.6), ([-0.61], [8.64, 1], 3.5), ([-0.0049], [9.06, 1], 1)],
          [([1.11], [3.25, 1], 6.5), ([-2.36], [5, 1], 3), ([-0.01], [7.09, 1], 1.2)],
          [([-34.68], [8.15, 1], 9.2), ([46.2], [10.9, 1], 9.4),
@@ -202,7 +205,7 @@ def columns():
 
 def benchmark_loops():
     """Single loops after Astrom and Hagglund 2000, "Benchmark systems for PID control"."""
-    source = "Astrom and Hagglund 2000, test batch"
+    source = f"Astrom and Hagglund 2000, test batch{QUOTED}"
     little = {"uncertainty": {"epsilon": 0.2, "theta": 0.1}}
     for n in (1, 2, 4, 8):
         yield f"lags {n}", source, single_loop(element([1], np.poly([-1] * n).tolist())), little
