@@ -1,10 +1,10 @@
 """Jobs under kills of everything: none may be lost, and none may change.
 
 ``python -m bench.chaos [--jobs 100] [--kills 12] [--seed 0]`` starts a PostgreSQL cluster of its
-own, a scheduler, two workers and two services, puts tunings in through both, and kills -9 one of
-them after another, the database too, each of which is started again. What comes out is compared,
-digit by digit, with what the tuner finds in this process. Ends with 1 where a job is lost or
-differs.
+own, a scheduler, two workers and two services, puts jobs in through both, tunings, limits and
+identifications, and kills -9 one of them after another, the database too, each of which is started
+again. What comes out is compared, digit by digit, with what is found in this process. Ends with 1
+where a job is lost or differs.
 """
 
 from __future__ import annotations
@@ -27,34 +27,87 @@ from typing import Any
 import httpx
 import numpy as np
 
-from service.schemas import TuningRequest, tuning_to_json
-from solver.tuning.tuner import tune
+from service import registry
+from service.schemas import TuningRequest
+from service.valves import finished
+from solver.limits import mixed
 
 MUTUNE = str(Path(sys.executable).with_name("mutune"))
 PATIENCE = 600.0  # seconds without an end of any job after which they count as lost
 Json = dict[str, Any]
 
 
-def request(seed: int) -> Json:
+def plant(number: int) -> Json:
+    """Return a plant unlike those of other jobs."""
+    return {
+        "kind": "first_order",
+        "n": 2,
+        "gain": 1,
+        "time_constant": 100,
+        "interaction": 0.5 + 0.001 * number,
+    }
+
+
+def tuning(number: int) -> Json:
     """Return a tuning request that takes about a second."""
     return {
-        "plant": {
-            "kind": "first_order",
-            "n": 2,
-            "gain": 1,
-            "time_constant": 100,
-            "interaction": 0.5 + 0.001 * seed,
-        },
+        "plant": plant(number),
         "uncertainty": {"epsilon": 0.2, "theta": 1},
         "controller": {"arrangement": "independent"},
-        "search": {"seed": seed, "starts": 4},
+        "search": {"seed": number, "starts": 4},
     }
+
+
+def limit(number: int) -> Json:
+    """Return a request for the limit of one unit, which takes some seconds."""
+    return {
+        "plant": {**plant(0), "n": 1, "interaction": 0, "time_constant": 10 + number},
+        "uncertainty": {"epsilon": 0.2, "theta": 1},
+        "search": {"time_limit": 600},
+    }
+
+
+def identification(number: int) -> Json:
+    """Return a request for a model of a step response."""
+    moved = [float(10 <= second % 40 < 30) for second in range(80)]
+    felt = 0.0
+    outputs = []
+    for input_now in moved:
+        outputs.append(20 + felt + 0.01 * ((7 * len(outputs)) % 5))
+        felt += (1 + 0.01 * number) * 0.2 * (input_now - felt)
+    record = {"inputs": {"valve": moved}, "outputs": {"temperature": outputs}, "time": list(range(80))}
+    return {"records": [record], "order": "first"}
+
+
+def job(number: int) -> tuple[str, Json]:
+    """Return path and request of a job: of a hundred 80 tunings, 15 identifications, 5 limits."""
+    if number % 20 == 7:
+        return "/v1/limits", limit(number)
+    if number % 5 == 2:
+        return "/v1/identifications", identification(number)
+    return "/v1/tunings", tuning(number)
+
+
+def expected(number: int) -> Json:
+    """Return the result of a job as this process finds it."""
+    path, request = job(number)
+    text = json.dumps(request)
+    if path == "/v1/tunings":
+        asked = TuningRequest.model_validate_json(text)
+        document = finished(asked, mixed.tune_task(asked.build())) | asked.identity()
+    else:
+        analysis = next(one for one in registry.every() if one.path == path)
+        body = analysis.request.model_validate_json(text)
+        document = analysis.compute(body) | body.identity()
+    result: Json = json.loads(json.dumps(document))
+    return result
 
 
 def without_times(result: Json) -> Json:
     """Return what a result says but how long it took."""
-    search = {key: value for key, value in result["search"].items() if "seconds" not in key}
-    return {**result, "search": search}
+    search = result.get("search", {})
+    kept = {key: value for key, value in search.items() if "seconds" not in key}
+    return {**result, "search": kept}
 
 
 def free_port() -> int:
@@ -140,20 +193,21 @@ def until_up(url: str) -> None:
 def put_in(urls: list[str], jobs: int) -> dict[int, str]:
     """Accept the jobs; a service that is down is asked again, under the same key."""
     paths = {}
-    for seed in range(jobs):
+    for number in range(jobs):
+        path, request = job(number)
         attempt = 0
-        while seed not in paths:
-            url = urls[(seed + attempt) % len(urls)]
+        while number not in paths:
+            url = urls[(number + attempt) % len(urls)]
             attempt += 1
             with suppress(httpx.TransportError):
                 response = httpx.post(
-                    f"{url}/v1/tunings",
-                    json=request(seed),
-                    headers={"Idempotency-Key": f"chaos-{seed}"},
+                    f"{url}{path}",
+                    json=request,
+                    headers={"Idempotency-Key": f"chaos-{number}"},
                     timeout=20,
                 )
                 if response.status_code in {200, 202}:
-                    paths[seed] = response.headers["location"]
+                    paths[number] = response.headers["location"]
                     continue
             time.sleep(0.2)
     return paths
@@ -222,8 +276,8 @@ def gather(urls: list[str], paths: dict[int, str]) -> dict[int, Json]:
     last = time.monotonic()
     while len(results) < len(paths) and time.monotonic() - last < PATIENCE:
         for number, path in paths.items():
-            if number not in results and (job := ended(urls, path)) is not None:
-                results[number] = job
+            if number not in results and (found := ended(urls, path)) is not None:
+                results[number] = found
                 last = time.monotonic()
         time.sleep(0.2)
     return results
@@ -249,19 +303,14 @@ def main() -> None:
         done.set()
         killing.join()
     wrong = []
-    for number, job in sorted(results.items()):
-        expected = json.loads(json.dumps(tuning_to_json(tune(_built(number)))))
-        found = job.get("result")
-        if found is None or without_times(found) != without_times(expected):
+    for number, each in sorted(results.items()):
+        found = each.get("result")
+        if found is None or without_times(found) != without_times(expected(number)):
             wrong.append(number)
-            print(f"{number}: {job['status']} {job.get('error')}")
+            print(f"{number}: {each['status']} {each.get('error')}")
     lost = len(paths) - len(results)
     print(f"{len(paths)} jobs: {lost} lost, {len(wrong)} changed or without result")
     sys.exit(bool(lost or wrong))
-
-
-def _built(seed: int) -> Any:
-    return TuningRequest.model_validate(request(seed)).build()
 
 
 if __name__ == "__main__":

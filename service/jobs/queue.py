@@ -19,6 +19,7 @@ from sqlalchemy import (
     Connection,
     Integer,
     Select,
+    Update,
     bindparam,
     case,
     delete,
@@ -87,9 +88,14 @@ _PROGRESS = (
 _WANTED = select(JobRow.id).where(
     JobRow.id.in_(bindparam("jobs", expanding=True)), JobRow.cancel_requested.is_(False)
 )
+_UNENDED = (
+    select(JobRow.id)
+    .where(JobRow.id.in_(bindparam("jobs", expanding=True)), JobRow.status.in_(UNFINISHED))
+    .with_for_update()
+)
 _END = (
     update(JobRow)
-    .where(JobRow.id == bindparam("job"), JobRow.status.in_(UNFINISHED))
+    .where(JobRow.id == bindparam("job"), JobRow.finished_at.is_(None))
     .values(
         status=bindparam("ending"),
         result=bindparam("document"),
@@ -147,7 +153,7 @@ class Queue:
         """
         now = time.time()
         with self._transaction(ended, writes=bool(ended or progress or idle)) as connection:
-            written = frozenset(one.claim.id for one in ended if _end(connection, one))
+            written = _end(connection, ended)
             if progress:
                 connection.execute(
                     _PROGRESS,
@@ -251,22 +257,37 @@ class Queue:
         return int(jobs.rowcount + batches.rowcount)
 
 
-def _end(connection: Connection, ended: Ended) -> bool:
-    """Write how a job ended; return whether it had not ended before."""
+def _end(connection: Connection, ended: Sequence[Ended]) -> frozenset[str]:
+    """Write how jobs ended; return those that had not ended before."""
+    if not ended:
+        return frozenset()
+    ends = {one.claim.id: one for one in reversed(ended)}
+    written = frozenset(connection.scalars(_UNENDED, {"jobs": list(ends)}))
+    rows: dict[Update, list[dict[str, object]]] = {}
+    for job in written:
+        statement, values = _end_of(ends[job])
+        rows.setdefault(statement, []).append(values)
+    # Many at once: with PostgreSQL each by itself would wait for its answer.
+    for statement, many in rows.items():
+        connection.execute(statement, many)
+    return written
+
+
+def _end_of(ended: Ended) -> tuple[Update, dict[str, object]]:
+    """Return how the end of a job is written."""
     outcome = ended.outcome
-    values = {
+    values: dict[str, object] = {
         "job": ended.claim.id,
         "ending": outcome.status,
         "document": outcome.result,
         "problem": outcome.error,
         "now": ended.finished_at,
     }
-    statement = _END
-    if outcome.result is not None:
-        values["reached"] = outcome.best
-        succeeded = outcome.status is JobStatus.SUCCEEDED
-        statement = _END_SUCCEEDED if succeeded else _END_WITH_RESULT
-    return bool(connection.execute(statement, values).rowcount)
+    if outcome.result is None:
+        return _END, values
+    values["reached"] = outcome.best
+    succeeded = outcome.status is JobStatus.SUCCEEDED
+    return (_END_SUCCEEDED if succeeded else _END_WITH_RESULT), values
 
 
 def _waiting(
