@@ -22,6 +22,7 @@ _READING = frozenset({"GET", "HEAD", "OPTIONS"})
 _REFUSALS = frozenset({401, 403, 421, 429})
 _FAULTS = 400
 _KEY = re.compile(r"mutune_[0-9a-f]+_[A-Za-z0-9_-]+")
+_ID = re.compile(r"[0-9a-f]{32}")
 _TRACE = re.compile(r"[0-9a-f]{2}-([0-9a-f]{32})-[0-9a-f]{16}-[0-9a-f]{2}")
 _REQUEST_ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
 
@@ -79,16 +80,22 @@ class Observed:
             )
             if status in _REFUSALS or (scope["method"] not in _READING and status < _FAULTS):
                 client = scope.get("client")
+                names = scope.get("path_params", {})
                 self._trail.write(
                     action=f"{scope['method']} {route}",
                     key=state.get("owner"),
-                    job=scope.get("path_params", {}).get("job_id") or location.rpartition("/")[2],
-                    batch=scope.get("path_params", {}).get("batch_id"),
+                    job=_known(names.get("job_id")) or _known(location.rpartition("/")[2]),
+                    batch=_known(names.get("batch_id")),
                     status=status,
                     address=client[0] if client else None,
                     request_id=request_id,
                 )
             structlog.contextvars.clear_contextvars()
+
+
+def _known(name: str | None) -> str | None:
+    """Return the id of a job or batch; None for what is no id: it may be a key."""
+    return name if name is not None and _ID.fullmatch(name) else None
 
 
 def _request_id(scope: Scope) -> str:
@@ -97,7 +104,8 @@ def _request_id(scope: Scope) -> str:
     if trace := _TRACE.fullmatch(headers.get(b"traceparent", b"").decode("latin-1")):
         return trace[1]
     given = headers.get(b"x-request-id", b"").decode("latin-1")
-    return given if _REQUEST_ID.fullmatch(given) else uuid.uuid4().hex
+    is_id = _REQUEST_ID.fullmatch(given) and not _KEY.search(given)
+    return given if is_id else uuid.uuid4().hex
 
 
 class Compressed:

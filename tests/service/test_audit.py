@@ -89,11 +89,18 @@ def test_log_of_requests_has_the_key_and_no_secret(client: httpx.Client, folder:
         client.get("/v1/tunings", headers=header(token))
         client.get(f"/v1/tunings/{token}/events", headers=header(token))
         client.get(f"/{token}")
-        until(lambda: len(entries) > 2, "three lines")
+        client.delete(f"/v1/tunings/{token}", headers={"X-Request-Id": token})
+        until(lambda: len(entries) > 3, "four lines")
     paths = {entry["path"]: entry.get("key") for entry in entries}
     key = token.split("_")[1]
-    assert paths == {"/v1/tunings": key, "/v1/tunings/KEY/events": key, "/KEY": None}
-    assert token.split("_")[2] not in json.dumps(entries)
+    assert paths == {
+        "/v1/tunings": key,
+        "/v1/tunings/KEY/events": key,
+        "/KEY": None,
+        "/v1/tunings/KEY": None,
+    }
+    for told in (json.dumps(entries), (folder / "audit").read_text()):
+        assert token.split("_")[2] not in told
 
 
 def test_answers_say_how_many_requests_are_left(client: httpx.Client, folder: Path) -> None:
