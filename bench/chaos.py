@@ -75,7 +75,11 @@ def identification(number: int) -> Json:
     for input_now in moved:
         outputs.append(20 + felt + 0.01 * ((7 * len(outputs)) % 5))
         felt += (1 + 0.01 * number) * 0.2 * (input_now - felt)
-    record = {"inputs": {"valve": moved}, "outputs": {"temperature": outputs}, "time": list(range(80))}
+    record = {
+        "inputs": {"valve": moved},
+        "outputs": {"temperature": outputs},
+        "time": list(range(80)),
+    }
     return {"records": [record], "order": "first"}
 
 
