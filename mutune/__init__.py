@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from solver.identification.problem import PlantStructure
     from solver.identification.reading import read_record
     from solver.identification.record import Record
-    from solver.identification.relay_record import relay_record
+    from solver.identification.relay_record import relay_record, relay_records
     from solver.identification.selection import Allowed
     from solver.identification.uncertainty import Cover
     from solver.interaction.analysis import Interaction, RelativeGainCurves, analyse_interaction
@@ -298,6 +298,7 @@ __all__ = [
     "relative_gain_array",
     "relay_experiment",
     "relay_record",
+    "relay_records",
     "sampled",
     "simulate_drives",
     "step_response",
@@ -326,7 +327,7 @@ _HOMES = {
     "solver.identification.problem": "PlantStructure",
     "solver.identification.reading": "read_record",
     "solver.identification.record": "Record",
-    "solver.identification.relay_record": "relay_record",
+    "solver.identification.relay_record": "relay_record relay_records",
     "solver.identification.selection": "Allowed",
     "solver.identification.uncertainty": "Cover",
     "solver.interaction.analysis": "Interaction RelativeGainCurves analyse_interaction",

@@ -9,6 +9,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, JsonValue
 
+from service.analyses.identify import identified, tuning_request
+from service.analyses.identify.models import IdentificationTask
 from service.analyses.relay.request import RelaySettings
 from service.analyses.relay.result import UltimatePoint
 from service.analysis import Analysis
@@ -83,6 +85,13 @@ class RelayTuningRequest(AnalysisRequest):
         )
     )
 
+    identify: bool = Field(
+        default=False,
+        description="Whether a plant is identified from the experiments in the pairs of the "
+        "pairing, all other loops open.",
+        examples=[False],
+    )
+
     model_config = ConfigDict(json_schema_extra={"examples": [EXAMPLE]})
 
     def build(self) -> RelayTuning:
@@ -134,16 +143,33 @@ class RelayTuningResult(IdentifiedResult, ResultModel):
     stable: bool | None = Field(
         description="Whether these settings are stable together.", examples=[True]
     )
+    model: dict[str, Any] | None = Field(
+        description="A tuning request with the plant that the experiments tell and the uncertainty "
+        "that covers what they do not; null unless asked for.",
+        examples=[None],
+    )
 
 
 def compute(request: RelayTuningRequest) -> dict[str, Any]:
     """Return what the experiments of the request find."""
     from solver.relay.sequential import relay_tuning
 
-    document: dict[str, Any] = encode(relay_tuning(request.build()))
+    task = request.build()
+    document: dict[str, Any] = encode(relay_tuning(task))
+    document["model"] = _model(task) if request.identify else None
     for each in (*document["open_loops"], *(one for row in document["rounds"] for one in row)):
         each["loop"] = each.pop("controller")
     return document
+
+
+def _model(task: RelayTuning) -> dict[str, Any]:
+    from solver.identification.relay_record import relay_records
+
+    assumed = IdentificationTask(
+        used=tuple(relay_records(task)), kept_back=(), structure="matrix", order=None,
+        integrating=None, drift=False,
+    )  # fmt: skip
+    return tuning_request(identified(assumed))
 
 
 _VERDICTS = {
@@ -190,6 +216,8 @@ def table(result: RelayTuningResult) -> list[Part]:
         for each in found
         if each.remark and not each.loop and (not used or (each.output, each.input) in used)
     ]
+    if result.model is not None:
+        parts.append(Line("A plant was identified: --json has it as a tuning request, in model."))
     return [*parts, *warning_lines(list(dict.fromkeys(remarks)))]
 
 
@@ -201,6 +229,6 @@ ANALYSIS = Analysis(
     request=RelayTuningRequest,
     result=RelayTuningResult,
     compute=compute,
-    computes_with=("solver.relay.sequential",),
+    computes_with=("solver.relay.sequential", "solver.identification.relay_record"),
     table=table,
 )

@@ -6,9 +6,8 @@ import hashlib
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from service.analyses.identify import ANALYSIS, identified
+from service.analyses.identify import ANALYSIS, identified, tuning_request
 from service.analyses.identify.models import IdentificationTask
 from service.cli.outcomes import ExitCode, reported, say
 from service.schemas.parsing import Fault, RequestError
@@ -16,7 +15,6 @@ from service.whole_file import replace_text
 from solver.identification.columns import MOST_SHOWN
 from solver.identification.reading import column_names, read_record
 from solver.identification.record import Record
-from solver.tuning.scenarios import LONGEST_NAME
 
 __all__ = ["Question", "identify_files"]
 
@@ -70,7 +68,7 @@ def identify_files(
     )
     document = identified(task)
     if output is not None:
-        request = _request(document, as_scenarios=as_scenarios)
+        request = tuning_request(document, as_scenarios=as_scenarios)
         replace_text(output, json.dumps(request, indent=2, allow_nan=False) + "\n")
         say(f"{output}: a tuning request")
     if as_json:
@@ -80,28 +78,6 @@ def identify_files(
 
         show(ANALYSIS.table(ANALYSIS.result.model_validate(document)))
     return ExitCode.DONE
-
-
-def _request(document: dict[str, Any], *, as_scenarios: bool) -> dict[str, Any]:
-    """Return the tuning request of an identification.
-
-    What units and records of their own tell is in the weight, or each is a scenario beside the
-    nominal plant, with the weight of what else errs.
-    """
-    request = {
-        "plant": document["plant"],
-        "uncertainty": document["uncertainty"],
-        "performance": {"max_peak": 2.0, "offset": 0.0},
-        "controller": {"kind": "PI", "arrangement": "independent"},
-        "objective": "tau_p",
-        "origin": document["origin"],
-    }
-    if as_scenarios and document["alternatives"]:
-        request["uncertainty"] = document["own_uncertainty"]
-        request["scenarios"] = [
-            {**one, "name": one["name"][:LONGEST_NAME]} for one in document["alternatives"]
-        ]
-    return request
 
 
 def _digest(path: Path) -> str:

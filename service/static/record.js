@@ -78,7 +78,7 @@ function fitted(name, columns, signal, go) {
   const marked = () => curves.mark(Number(from.input.value), Number(to.input.value));
   for (const { input } of [from, to]) input.addEventListener("input", marked);
   marked();
-  const alike = segments("Units", ["All alike", "Each its own"], 1);
+  const alike = segments("Units", ["All alike", "Each its own", "Every pair its own"], 2);
   const order = segments("Order of an element", ["As the record tells", "First", "Second"], 0);
   const rest = h("input", { type: "checkbox" });
   const outcome = h("div", { class: "outcome", "aria-live": "polite" });
@@ -95,7 +95,7 @@ function fitted(name, columns, signal, go) {
     const records = [part((t) => t >= low && t <= high)];
     const later = part((t) => t > high);
     if (rest.checked && later.time.length >= LEAST) records.push({ ...later, name: `${name}, rest`, use: "validate" });
-    const body = { records, structure: ["parallel", "matrix"][alike.read()],
+    const body = { records, structure: ["parallel", "units", "matrix"][alike.read()],
       order: ["auto", "first", "second"][order.read()] };
     send.disabled = true;
     put(outcome, h("p", { class: "busy" }, "Fitting …"));

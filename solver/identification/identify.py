@@ -251,7 +251,7 @@ def _refuse_runaway(fits: list[RowFit], records: Sequence[Record]) -> None:
     for fit in fits:
         for segment, left in zip(fit.row.segments, fit.residuals(), strict=True):
             spread = float(np.linalg.norm(segment.output - segment.output.mean()))
-            if 100 * (1 - float(np.linalg.norm(left)) / spread) > POOR:
+            if not spread > 0 or 100 * (1 - float(np.linalg.norm(left)) / spread) > POOR:
                 continue
             half = segment.time > segment.time[-1] / 2
             growing = [

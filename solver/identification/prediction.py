@@ -48,7 +48,10 @@ class Prediction:
 
 
 def predictions(job: Job, fits: Sequence[RowFit], *, kept_back: bool) -> list[Prediction]:
-    """Return each output of each of the job's records against the fits."""
+    """Return each output of each of the job's records against the fits.
+
+    An output that rests through a record is left out: there is nothing to explain.
+    """
     outputs = tuple(job.records[0].outputs)
     found = []
     for fresh, fit in zip(job.rows(), fits, strict=True):
@@ -60,6 +63,8 @@ def predictions(job: Job, fits: Sequence[RowFit], *, kept_back: bool) -> list[Pr
             seen = segment.weight > 0
             left = (segment.output - predicted)[seen]
             spread = segment.output[seen] - segment.output[seen].mean()
+            if not np.ptp(segment.output[seen]) > 0:
+                continue
             found.append(
                 Prediction(
                     job.records[segment.record].name,

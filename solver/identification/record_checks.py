@@ -40,7 +40,7 @@ def check_records(
 
 
 def check_excitation(records: Sequence[Record]) -> None:
-    """Refuse inputs that rest, or that move together only.
+    """Refuse inputs that rest, or that move together only, and outputs that rest.
 
     Raises
     ------
@@ -73,9 +73,7 @@ def check_excitation(records: Sequence[Record]) -> None:
             "told apart: add a record in which one of them moves alone"
         )
         raise InvalidInputError(message, f"/records/0/inputs/{involved[0]}")
-    for index, record in enumerate(records):
-        for name, values in record.outputs.items():
-            seen = record.observed[tuple(record.outputs).index(name)]
-            if not np.ptp(values[seen]) > 0:
-                message = f"output {name!r} is constant in {record.name}: is the right column read?"
-                raise InvalidInputError(message, f"/records/{index}/outputs/{name}")
+    for place, name in enumerate(records[0].outputs):
+        if not any(np.ptp(r.outputs[name][r.observed[place]]) > 0 for r in records):
+            message = f"output {name!r} is constant in every record: is the right column read?"
+            raise InvalidInputError(message, f"/records/0/outputs/{name}")

@@ -2,15 +2,30 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from solver.identification.record import Record
 from solver.model.errors import InvalidInputError
+from solver.model.frequencies import corners_of
 from solver.model.validation import instance
-from solver.relay.analysis import RelayOutcome
+from solver.relay.analysis import RelayOutcome, relay_experiment
 from solver.relay.experiment import RelayExperiment
+from solver.relay.sequential import experiment_of
+from solver.relay.sequential_query import RelayTuning
+from solver.simulation.experiment import Experiment, Step, StepKind
+from solver.simulation.step_response import step_response
 
-__all__ = ["relay_record"]
+if TYPE_CHECKING:
+    from solver.model.plants import Plant
+
+__all__ = ["relay_record", "relay_records"]
+
+SAMPLES = 401  # of each test; the relay's switchings are there besides
+SHORT = 1 / 6  # of an experiment that waits for a limit cycle: five periods
+HOLD = 6.0  # of the slowest corner's time: within a 400th of the steady state
 
 
 def relay_record(experiment: RelayExperiment, outcome: RelayOutcome, name: str = "relay") -> Record:
@@ -53,3 +68,47 @@ def relay_record(experiment: RelayExperiment, outcome: RelayOutcome, name: str =
         for unit in units:
             outputs[f"y{unit + 1}"][places] = values
     return Record.with_gaps(time, inputs, outputs, name)
+
+
+def relay_records(task: RelayTuning) -> list[Record]:
+    """Return the records of tests that tell a plant, no loop closed but the relay's.
+
+    Of each input a relay experiment in its loop of the pairing, which tells the plant near the
+    ultimate frequency, and a pulse as high as the relay, which tells the steady state that a relay
+    hides.
+
+    Raises
+    ------
+    InvalidInputError
+        As `relay_experiment`.
+
+    """
+    instance(task, RelayTuning, "")
+    n = task.plant.n
+    slowest = float(corners_of([task.plant.element(i, j) for i in range(n) for j in range(n)])[0])
+    records = []
+    for output, input_ in enumerate(task.inputs):
+        one = experiment_of(task, output, input_, samples=SAMPLES)
+        one = replace(one, duration=one.duration * SHORT)
+        records.append(
+            relay_record(one, relay_experiment(one), f"relay u{input_ + 1}-y{output + 1}")
+        )
+        records.append(_pulse(task.plant, input_, one.relay.amplitude, HOLD / slowest))
+    return records
+
+
+def _pulse(plant: Plant, unit: int, size: float, hold: float) -> Record:
+    steps = (
+        Step(StepKind.INPUT, unit, 0.0, size),
+        Step(StepKind.INPUT, unit, hold, -size),
+    )
+    n = plant.n
+    outcome = step_response(Experiment(plant, (None,) * n, steps, 2 * hold, samples=SAMPLES))
+    time = np.union1d(outcome.time, [hold])
+    places = np.searchsorted(time, outcome.time)
+    inputs = {f"u{j + 1}": np.where((time < hold) & (j == unit), size, 0.0) for j in range(n)}
+    outputs = {f"y{i + 1}": np.full(time.size, np.nan) for i in range(n)}
+    for each in outcome.responses:
+        for i in each.units:
+            outputs[f"y{i + 1}"][places] = each.output
+    return Record.with_gaps(time, inputs, outputs, f"pulse u{unit + 1}")

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from solver.relay.behaviour import Behaviour
     from solver.relay.describing_function import Ultimate
 
-__all__ = ["RelayTuningOutcome", "TunedByRelay", "Verdict", "relay_tuning"]
+__all__ = ["RelayTuningOutcome", "TunedByRelay", "Verdict", "experiment_of", "relay_tuning"]
 
 SAME = 0.02  # relative change of settings below which nothing changes any more
 _PERIODS_OPEN, _PERIODS_CLOSED = 30, 50  # simulated: with loops closed cycles change late
@@ -153,9 +153,14 @@ def relay_tuning(task: RelayTuning) -> RelayTuningOutcome:
     )
 
 
-def _experiment(
-    task: RelayTuning, output: int, input_: int, loops: tuple[PlacedLoop, ...]
-) -> TunedByRelay:
+def experiment_of(
+    task: RelayTuning,
+    output: int,
+    input_: int,
+    loops: tuple[PlacedLoop, ...] = (),
+    samples: int = _SAMPLES,
+) -> RelayExperiment:
+    """Return the experiment on a pair, long enough for its cycle to settle."""
     element = task.plant.element(output, input_)
     sign = -1.0 if element.static_gain < 0 else 1.0
     relay = Relay(
@@ -169,9 +174,15 @@ def _experiment(
         duration = _WITHOUT / float(bends[0])
     else:
         duration = (_PERIODS_CLOSED if loops else _PERIODS_OPEN) * 2 * np.pi / found.omega
-    outcome = relay_experiment(
-        RelayExperiment(task.plant, output, input_, relay, loops, float(duration), samples=_SAMPLES)
+    return RelayExperiment(
+        task.plant, output, input_, relay, loops, float(duration), samples=samples
     )
+
+
+def _experiment(
+    task: RelayTuning, output: int, input_: int, loops: tuple[PlacedLoop, ...]
+) -> TunedByRelay:
+    outcome = relay_experiment(experiment_of(task, output, input_, loops))
     cycle = outcome.cycle
     if cycle is None or cycle.settings is None or cycle.ultimate is None:
         remark = None if cycle is None else cycle.remark

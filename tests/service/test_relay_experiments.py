@@ -9,7 +9,9 @@ import pytest
 from samples import altered
 
 from service.analyses.relay import EXAMPLE, RelayExperimentRequest, RelayExperimentResult
+from service.analyses.relay_tuning import RelayTuningRequest, compute
 from service.cli.analysing import analyse_file
+from service.schemas import TuningRequest
 from service.schemas.parsing import parse
 
 PATH = "/v1/relay-experiments"
@@ -112,3 +114,23 @@ def test_shown_requests_are_valid(file: str) -> None:
     if file.endswith(".md"):
         text = text.split("```json\n")[1].split("```")[0]
     parse(RelayExperimentRequest, text).build()
+
+
+def test_sequence_of_experiments_becomes_a_tuning_request(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The plant that the tests tell, with its weight: it is taken as it stands."""
+    monkeypatch.setattr("solver.identification.relay_record.SAMPLES", 61)
+    lag = {"num": [1.0], "den": [4.0, 1.0], "dead_time": 1.0}
+    none = {"num": [0.0], "den": [1.0]}
+    request = {
+        "plant": {"kind": "matrix", "elements": [[lag, none], [none, lag]]},
+        "relay": {"amplitude": 1.0, "hysteresis": 0.01}, "rounds": 1, "identify": True,
+    }  # fmt: skip
+    model = compute(parse(RelayTuningRequest, json.dumps(request)))["model"]
+    task = parse(TuningRequest, json.dumps(model)).build()
+    assert task.plant.element(0, 0).static_gain == pytest.approx(1.0, rel=1e-3)
+    assert task.plant.element(0, 0).dead_time == pytest.approx(1.0, rel=1e-2)
+    assert [one["name"] for one in model["origin"]["records"]] == [
+        "relay u1-y1", "pulse u1", "relay u2-y2", "pulse u2",
+    ]  # fmt: skip

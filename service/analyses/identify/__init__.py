@@ -23,6 +23,7 @@ from service.effort import Effort, of_readings
 from service.schemas.encoding import encode
 from service.schemas.origin import MAX_ENTRIES
 from service.schemas.transfer_functions import function_document, plant_document
+from solver.tuning.scenarios import LONGEST_NAME
 
 if TYPE_CHECKING:
     from solver.identification.record import Record
@@ -33,6 +34,7 @@ __all__ = [
     "IdentificationRequest",
     "IdentificationResult",
     "identified",
+    "tuning_request",
 ]
 
 DRAWN_POINTS = 2000
@@ -111,6 +113,28 @@ def identified(task: IdentificationTask) -> dict[str, Any]:
         "advice": list(found.advice),
         "origin": _origin(task, predictions, encode(cover.curves)),
     }
+
+
+def tuning_request(document: dict[str, Any], *, as_scenarios: bool = False) -> dict[str, Any]:
+    """Return the tuning request of an identification.
+
+    What units and records of their own tell is in the weight, or each is a scenario beside the
+    nominal plant, with the weight of what else errs.
+    """
+    request = {
+        "plant": document["plant"],
+        "uncertainty": document["uncertainty"],
+        "performance": {"max_peak": 2.0, "offset": 0.0},
+        "controller": {"kind": "PI", "arrangement": "independent"},
+        "objective": "tau_p",
+        "origin": document["origin"],
+    }
+    if as_scenarios and document["alternatives"]:
+        request["uncertainty"] = document["own_uncertainty"]
+        request["scenarios"] = [
+            {**one, "name": one["name"][:LONGEST_NAME]} for one in document["alternatives"]
+        ]
+    return request
 
 
 def _origin(

@@ -8,6 +8,7 @@ import pytest
 from solver.identification.identify import identify
 from solver.identification.problem import PlantStructure
 from solver.identification.record import Record
+from solver.identification.selection import Allowed
 from solver.model.errors import InvalidInputError
 
 TIME = np.arange(30.0)
@@ -58,6 +59,17 @@ def test_constant_outputs_and_oblong_plants_are_refused():
         identify([Record(TIME, {"a": STEP}, {"c": 0 * TIME + 3})])
     with pytest.raises(InvalidInputError, match="square"):
         identify([Record(TIME, {"a": STEP}, {"c": WAVE, "d": WAVE})])
+
+
+def test_output_that_rests_in_one_record_is_no_fault():
+    """Another record moves it; where it rests there is nothing to explain, and no NaN."""
+    still = np.zeros(TIME.size)
+    rest = Record(TIME, {"a": STEP, "b": still}, {"c": WAVE, "d": still + 3}, "rest")
+    moved = Record(TIME, {"a": still, "b": STEP}, {"c": still, "d": WAVE}, "moved")
+    found = identify([rest, moved], allowed=Allowed(1, integrating=False), validation=[rest])
+    told = [(p.record, p.output) for p in found.predictions]
+    assert told == [("rest", "c"), ("moved", "d"), ("rest", "c")]
+    assert np.isfinite([p.normalised_fit for p in found.predictions]).all()
 
 
 def test_records_must_have_the_same_signals():
