@@ -198,14 +198,30 @@ def _without_unseen(
         without = kept_back(row, fit(row, kinds, shapes, limits), limits)
         if not _better(without, score, fewer=True):
             unseen.append(int(index))
-    if not unseen:
-        return solved, ()
-    kinds = [solved.kinds[strongest] if j in unseen else k for j, k in enumerate(solved.kinds)]
-    shapes = [solved.shapes[strongest] if j in unseen else s for j, s in enumerate(solved.shapes)]
-    fixed = replace(limits, fixed={j: shapes[j] for j in unseen})
-    best = fit(row, kinds, shapes, fixed)
-    shapes = [best.shapes[strongest] if j in unseen else s for j, s in enumerate(best.shapes)]
-    return row.solve(kinds, shapes), tuple(sorted(unseen))
+    while unseen:
+        kinds = [solved.kinds[strongest] if j in unseen else k for j, k in enumerate(solved.kinds)]
+        shapes = [
+            solved.shapes[strongest] if j in unseen else s for j, s in enumerate(solved.shapes)
+        ]
+        fixed = replace(limits, fixed={j: shapes[j] for j in unseen})
+        best = fit(row, kinds, shapes, fixed)
+        shapes = [best.shapes[strongest] if j in unseen else s for j, s in enumerate(best.shapes)]
+        alone = row.solve(kinds, shapes)
+        # Blocks of outputs that wander far predict nothing well; a gain that is told is an effect.
+        told = [j for j in unseen if _gain_is_told(row, alone, j, fixed)]
+        if not told:
+            return alone, tuple(sorted(unseen))
+        unseen = [j for j in unseen if j not in told]
+    return solved, ()
+
+
+def _gain_is_told(row: Row, solved: Solved, index: int, limits: TimeLimits) -> bool:
+    """Whether the interval of an element's gains leaves out zero."""
+    found = covariance(row, solved, limits)
+    first = sum(len(shape) for shape in solved.shapes)
+    error = np.sqrt(np.diag(found.matrix))[first:]
+    place = _gain_places(solved.kinds)[index]
+    return bool(np.any(np.abs(solved.gains[place]) > found.quantile * error[place]))
 
 
 def _gain_places(kinds: Sequence[ElementKind]) -> list[slice]:

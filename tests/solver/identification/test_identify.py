@@ -11,7 +11,7 @@ from solver.identification.identify import identify
 from solver.identification.problem import PlantStructure, Start, limits, matrix_rows, starts
 from solver.identification.record import Record
 from solver.identification.row_fit import fit_row
-from solver.identification.selection import Allowed
+from solver.identification.selection import Allowed, select
 from solver.model.errors import UnsupportedPlantError
 from solver.model.plants import ParallelPlant
 
@@ -201,6 +201,16 @@ def test_no_effect_is_said_to_be_none():
     assert silent.estimates[0].low < 0 < silent.estimates[0].high
     assert "no effect of u1 is seen" in silent.untold[0]
     assert "step of u1" in silent.test
+
+
+def test_effect_whose_gain_is_told_is_seen():
+    """Levels that wander far predict no block kept back, yet both inputs move them."""
+    generator = np.random.default_rng(3)
+    plant = [[Lag(0.06, np.inf, 26, 1), Lag(-0.1, np.inf, 21, 3)]]
+    both = record(plant, generator, noise=0.3)
+    row = matrix_rows([both], [Start.HELD])[0]
+    _, unseen = select(row, Allowed(2, integrating=True), limits([both]))
+    assert unseen == ()
 
 
 def test_gaps_and_other_sampling_are_no_hindrance():
