@@ -57,7 +57,7 @@ def test_blending_pairs_the_larger_stream_with_the_flow(
 
 
 @given(n=st.integers(1, 6), seed=st.integers(0, 2**32 - 1))
-@settings(max_examples=40)
+@settings(max_examples=20)
 def test_ranking_is_what_the_definitions_say(n: int, seed: int) -> None:
     """Each pairing carries the Niederlinski index of the permuted gain; the order is right."""
     P = np.random.default_rng(seed).normal(size=(n, n))
@@ -93,7 +93,7 @@ def test_assignments_come_in_order_and_completely(n: int, seed: int) -> None:
 
 
 @given(n=st.integers(2, 5), seed=st.integers(0, 2**32 - 1))
-@settings(max_examples=60)
+@settings(max_examples=25)
 def test_recommended_pairing_is_integral_controllable(n: int, seed: int) -> None:
     """The recommended pairing passes all conditions; where none is, each admissible one fails."""
     P = np.random.default_rng(seed).normal(size=(n, n))
@@ -134,11 +134,11 @@ def test_parallel_plants_outside_the_limits(a: float, some: bool) -> None:
 
 
 def test_large_plant_by_assignment() -> None:
-    """A hidden permutation of a diagonally dominant 10 x 10 plant is found."""
+    """A hidden permutation of a diagonally dominant 9 x 9 plant is found."""
     rng = np.random.default_rng(3)
-    hidden = rng.permutation(10)
-    P = rng.uniform(-0.05, 0.05, (10, 10))
-    P[np.arange(10), hidden] += np.where(rng.uniform(size=10) < 0.5, -1.0, 1.0)
+    hidden = rng.permutation(9)
+    P = rng.uniform(-0.05, 0.05, (9, 9))
+    P[np.arange(9), hidden] += np.where(rng.uniform(size=9) < 0.5, -1.0, 1.0)
     ranking = rank_pairings(P)
     assert not ranking.exhaustive
     assert ranking.examined == KEPT
