@@ -42,13 +42,13 @@ class Phases:
     box : Box
         Bounds of the parameters.
     checkpoint : callable
-        Called often with the value s so far; may raise to stop.
+        Called often; may raise to stop.
 
     """
 
     feasibility: Together
     box: Box
-    checkpoint: Callable[[float], None]
+    checkpoint: Callable[[], None]
 
     def feasible(self, here: Evaluation) -> Evaluation:
         """Return where mu of an infinitely slow demand is below 1, or as low as it gets nearby."""
@@ -61,7 +61,7 @@ class Phases:
                 objective, objective.evaluate(here.theta, near=here), self.box,
                 tolerance=tolerance, max_iterations=FIRST_PHASE_STEPS,
                 enough=lambda e: e.merit <= ENOUGH_ROOM,
-                checkpoint=lambda _: self.checkpoint(math.inf),
+                checkpoint=lambda _: self.checkpoint(),
             )  # fmt: skip
             if not ENOUGH_ROOM < here.value < HOPELESS:
                 break
@@ -82,7 +82,7 @@ class Phases:
         while math.isfinite(here.merit):
             here = minimise(
                 objective, here, self.box, tolerance=tolerance, enough=enough,
-                checkpoint=self.checkpoint,
+                checkpoint=lambda _: self.checkpoint(),
             )  # fmt: skip
             missing = (here.merit - here.s) / objective.penalty
             if missing <= tolerance:

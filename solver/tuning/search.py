@@ -118,7 +118,7 @@ class GroupingSearch:
     freedom : Freedom
         What may be chosen; the kind is the task's, or one contained in it.
     checkpoint : callable
-        Called often with the value s so far; may raise to stop.
+        Called often with infinity, and with the exact value s of each new best; may raise to stop.
 
     """
 
@@ -154,7 +154,7 @@ class GroupingSearch:
         self.blocks = self.objective.parts[0].blocks
         slow = Performance(performance.max_peak, performance.offset)
         feasibility = self.objective.having(goal=MuGoal(slow))
-        self.phases = Phases(feasibility, self.box, checkpoint)
+        self.phases = Phases(feasibility, self.box, lambda: checkpoint(math.inf))
         self.exact = ExactDescent(self.objective, self.phases)
         self.optima: list[FoundOptimum] = []
         self.closest: Evaluation | None = None
@@ -353,8 +353,17 @@ class GroupingSearch:
                 return
             here = self.objective.evaluate(feasible.theta)
         found = self.phases.best(self.objective, here, ROUGH, self._is_known)
-        if math.isfinite(found.merit):
-            self._remember(_of_grid(found), count)
+        if not math.isfinite(found.merit):
+            return
+        before = self.lowest
+        self._remember(_of_grid(found), count)
+        if self.lowest < before:
+            self._tell(self.exact.measure(found.theta, found.s))
+
+    def _tell(self, candidate: Candidate) -> None:
+        """Tell the exact value of settings that are kept if the search is stopped here."""
+        if math.isfinite(candidate.value) and self.accepts(candidate.theta):
+            self.checkpoint(candidate.value)
 
     def _is_known(self, here: Evaluation) -> bool:
         return self._known(_of_grid(here)) is not None
@@ -409,6 +418,7 @@ class GroupingSearch:
             if not math.isfinite(here.value):
                 break
             exact = self.exact.measure(here.theta, here.s)
+            self._tell(exact)
             if exact.value < here.s + UNSEEN:
                 break
             for index, peaks in enumerate(exact.peaks):
@@ -496,6 +506,8 @@ class GroupingSearch:
                     best = min(best, candidate.value)
                     self._remember(candidate, left[0].count)
                 left = left[1:]
+                if candidate is not None:
+                    self._tell(candidate)
                 if candidate is not None and left and left[0].value <= best - ROUGH:
                     for index, peaks in enumerate(candidate.peaks):
                         self.look_at(peaks, index)

@@ -77,13 +77,10 @@ class Solutions:
         self._known: dict[Freedom, Solution] = {}
         self._planned: set[Freedom] = set()
 
-    def solve(self, freedom: Freedom, *, wanted: bool) -> Solution:
-        """Return the solution of one search.
-
-        `wanted`: whether its value is one of the task's; else it is a start only.
-        """
+    def solve(self, freedom: Freedom) -> Solution:
+        """Return the solution of one search."""
         if freedom not in self._known:
-            self._known[freedom] = self._solved(freedom, wanted=wanted)
+            self._known[freedom] = self._solved(freedom)
         return self._known[freedom]
 
     def plan(self, freedoms: Iterable[Freedom]) -> None:
@@ -178,13 +175,10 @@ class Solutions:
         self.searches.append(search)
         return search
 
-    def _solved(self, freedom: Freedom, *, wanted: bool) -> Solution:
+    def _solved(self, freedom: Freedom) -> Solution:
         self.plan([freedom])
         search = self._search(freedom)
         inherited = self._inherited(search)
-        before = self.clock.best
-        if not wanted:
-            self.clock.best = math.inf
         for theta in [*inherited, *self._less_demanding(freedom, self.specification.demands.names)]:
             search.descend(search.box.clip(theta), count=0)
         count = self._starts(freedom)
@@ -199,20 +193,17 @@ class Solutions:
         search.hop()
         if search.refine():
             search.hop()
-        best = self._best(search, inherited)
-        if not wanted:
-            self.clock.best = before
-        return Solution(search, best)
+        return Solution(search, self._best(search, inherited))
 
     def _inherited(self, search: GroupingSearch) -> list[NDArray[np.float64]]:
         """Return the best settings with fewer freedoms, as parameters of this search."""
         found, freedom = [], search.freedom
         for tied, owner in self._tied(freedom):
-            best = self.solve(tied, wanted=False).candidate
+            best = self.solve(tied).candidate
             if best is not None:
                 found.append(best.theta.reshape(len(tied.groups), -1)[list(owner)].ravel())
         for kind in freedom.kind.contained:
-            lesser = self.solve(replace(freedom, kind=kind), wanted=False)
+            lesser = self.solve(replace(freedom, kind=kind))
             if lesser.candidate is not None:
                 found += self._as_kind(lesser.candidate.theta, lesser.search, search)
         return found

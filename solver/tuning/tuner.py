@@ -288,7 +288,7 @@ class _Run:
     def _solve(self, groups: Groups, patterns: list[tuple[float, ...]]) -> None:
         for signs in patterns:
             freedom = Freedom(groups, self.specification.kind, signs)
-            solution = self.solutions.solve(freedom, wanted=True)
+            solution = self.solutions.solve(freedom)
             if solution.candidate is not None:
                 self.found.append(solution)
 
