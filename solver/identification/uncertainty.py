@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Cover", "Family", "cover_family", "matrix_responses", "row_responses"]
 
-FREQUENCIES = 160
+FREQUENCIES = 400
 # Plants drawn: with 4 coefficients of a weight above all of 800, the next plant is below with 99.4
 # per cent (Campi and Garatti, SIAM J. Optim. 19 (2008) 1211: expected violation d/(N + 1)).
 DRAWS = 800
