@@ -56,7 +56,7 @@ def main():
     for kind, arrangement, tau, a in cases():
         plant = first_order(2, 1, tau, a)
         task = Specification(plant, USUAL, Performance(), kind=kind, arrangement=arrangement)
-        search = GroupingSearch(task, Freedom.usual(task, groupings(task)[0]), lambda _: None)
+        search = GroupingSearch(task, Freedom.usual(task, groupings(task)[0]), lambda: None)
         found = min(evolve(search, seed) for seed in range(runs))
         ours = tau_p(plant, kind, arrangement, 0)
         behind = 100 * (ours / np.exp(found) - 1)

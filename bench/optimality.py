@@ -50,7 +50,7 @@ def measure(name, plant, limit, arrangement, sizes=None, uncertainty=USUAL):
     search = GroupingSearch(
         specification,
         Freedom.usual(specification, groupings(specification)[0]),
-        lambda _: None,
+        lambda: None,
     )
     for theta in search.starts(4 * search.box.low.size):
         search.descend(theta)

@@ -60,6 +60,11 @@ def _begin_processes() -> None:
     from service.jobs import forking  # noqa: PLC0415 - only where processes are needed
 
     raise_again()
+    forking.limit_threads()
+    from service import registry  # noqa: PLC0415 - after that, with the libraries of both
+    from service.jobs import pool  # noqa: F401, PLC0415 - likewise
+
+    registry.every()
     forking.begin()
 
 

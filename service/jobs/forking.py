@@ -63,14 +63,12 @@ def start() -> None:
 
 
 def begin() -> None:
-    """Start the server from this process, which has done nothing yet but for its imports."""
-    limit_threads()
+    """Start the server from this process, which has done nothing yet but for its imports.
+
+    After `limit_threads`, since what is imported before is in both.
+    """
     # A fork takes no threads along, and only on Linux do the system's libraries bear it.
     if sys.platform == "linux" and threading.active_count() == 1:
-        from service import registry  # noqa: PLC0415 - after the variables
-        from service.jobs import pool  # noqa: F401, PLC0415 - with the libraries of both
-
-        registry.every()
         with _forked():
             start()
     else:

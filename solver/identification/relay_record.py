@@ -77,6 +77,16 @@ def relay_records(task: RelayTuning) -> list[Record]:
     ultimate frequency, and a pulse as high as the relay, which tells the steady state that a relay
     hides.
 
+    Parameters
+    ----------
+    task : RelayTuning
+        Plant, pairing and relay; the rest does not matter here.
+
+    Returns
+    -------
+    list of Record
+        Two a loop, relay and pulse, in the order of the outputs.
+
     Raises
     ------
     InvalidInputError

@@ -118,7 +118,7 @@ class GroupingSearch:
     freedom : Freedom
         What may be chosen; the kind is the task's, or one contained in it.
     checkpoint : callable
-        Called often with infinity, and with the exact value s of each new best; may raise to stop.
+        Called often; may raise to stop.
 
     """
 
@@ -126,7 +126,7 @@ class GroupingSearch:
         self,
         specification: Specification,
         freedom: Freedom,
-        checkpoint: Callable[[float], None],
+        checkpoint: Callable[[], None],
     ) -> None:
         self.freedom = freedom
         bounds = specification.bounds
@@ -135,7 +135,6 @@ class GroupingSearch:
         specification = replace(specification, kind=freedom.kind, bounds=bounds)
         self.specification = specification
         self.groups = groups = freedom.groups
-        self.checkpoint = checkpoint
         self.cases = specification.cases(groups)
         self.active = _first_active(self.cases)
         self.region = search_region(specification, groups)
@@ -154,7 +153,7 @@ class GroupingSearch:
         self.blocks = self.objective.parts[0].blocks
         slow = Performance(performance.max_peak, performance.offset)
         feasibility = self.objective.having(goal=MuGoal(slow))
-        self.phases = Phases(feasibility, self.box, lambda: checkpoint(math.inf))
+        self.phases = Phases(feasibility, self.box, checkpoint)
         self.exact = ExactDescent(self.objective, self.phases)
         self.optima: list[FoundOptimum] = []
         self.closest: Evaluation | None = None
@@ -353,17 +352,8 @@ class GroupingSearch:
                 return
             here = self.objective.evaluate(feasible.theta)
         found = self.phases.best(self.objective, here, ROUGH, self._is_known)
-        if not math.isfinite(found.merit):
-            return
-        before = self.lowest
-        self._remember(_of_grid(found), count)
-        if self.lowest < before:
-            self._tell(self.exact.measure(found.theta, found.s))
-
-    def _tell(self, candidate: Candidate) -> None:
-        """Tell the exact value of settings that are kept if the search is stopped here."""
-        if math.isfinite(candidate.value) and self.accepts(candidate.theta):
-            self.checkpoint(candidate.value)
+        if math.isfinite(found.merit):
+            self._remember(_of_grid(found), count)
 
     def _is_known(self, here: Evaluation) -> bool:
         return self._known(_of_grid(here)) is not None
@@ -418,7 +408,6 @@ class GroupingSearch:
             if not math.isfinite(here.value):
                 break
             exact = self.exact.measure(here.theta, here.s)
-            self._tell(exact)
             if exact.value < here.s + UNSEEN:
                 break
             for index, peaks in enumerate(exact.peaks):
@@ -506,8 +495,6 @@ class GroupingSearch:
                     best = min(best, candidate.value)
                     self._remember(candidate, left[0].count)
                 left = left[1:]
-                if candidate is not None:
-                    self._tell(candidate)
                 if candidate is not None and left and left[0].value <= best - ROUGH:
                     for index, peaks in enumerate(candidate.peaks):
                         self.look_at(peaks, index)

@@ -181,19 +181,37 @@ class Solutions:
         inherited = self._inherited(search)
         for theta in [*inherited, *self._less_demanding(freedom, self.specification.demands.names)]:
             search.descend(search.box.clip(theta), count=0)
+        self._tell(search)
         count = self._starts(freedom)
         for left, theta in zip(range(count, 0, -1), search.starts(count), strict=True):
             if self.specification.starts is None and (search.settled or search.confirmed(count)):
                 self.clock.total -= left
                 break
+            before = search.lowest
             search.descend(theta)
             self.clock.done += 1
-            self.clock.tick()
+            if search.lowest < before:
+                self._tell(search)
         search.swap()
         search.hop()
         if search.refine():
             search.hop()
-        return Solution(search, self._best(search, inherited))
+        best = self._best(search, inherited)
+        if best is not None:
+            self.clock.tick(best.value)
+        return Solution(search, best)
+
+    def _tell(self, search: GroupingSearch) -> None:
+        """Tell the exact value of a search's best optimum: what is kept if it is stopped here."""
+        if not search.optima:
+            return
+        optimum = search.optima[0]
+        exact: Candidate | None = search.exact.measure(optimum.theta, optimum.value)
+        if exact is not None and math.isinf(exact.value) and math.isinf(self.clock.best):
+            # Between the grid's points it meets no demand, but others beside it do.
+            exact = search.exact.descend(optimum.theta)
+        if exact is not None and math.isfinite(exact.value) and search.accepts(exact.theta):
+            self.clock.tick(exact.value)
 
     def _inherited(self, search: GroupingSearch) -> list[NDArray[np.float64]]:
         """Return the best settings with fewer freedoms, as parameters of this search."""
@@ -220,7 +238,7 @@ class Solutions:
         for kept in itertools.combinations(names, max(len(names) - 1, 0)) if names else ():
             demands = Demands(**{name: getattr(self.specification.demands, name) for name in kept})
             task = replace(self.specification, demands=demands)
-            search = GroupingSearch(task, freedom, lambda _: self.clock.tick())
+            search = GroupingSearch(task, freedom, self.clock.tick)
             for theta in self._less_demanding(freedom, kept):
                 search.descend(search.box.clip(theta), count=0)
             if not kept:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Callable, Generator, Iterator
 
+import network
 import pytest
 from playwright.sync_api import Browser, BrowserContext, expect, sync_playwright
 from running import Service
@@ -47,6 +48,13 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
     service.start()
     yield service
     service.stop()
+
+
+@pytest.fixture(autouse=True)
+def still_network() -> Iterator[None]:
+    """Keep other tests from adding interfaces meanwhile."""
+    with network.unchanged():
+        yield
 
 
 @pytest.fixture

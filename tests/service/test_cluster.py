@@ -9,6 +9,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import httpx
+import network
 import postgres
 import pytest
 from certificates import certificates
@@ -76,6 +77,7 @@ def test_worker_on_another_host_computes(stack: ExitStack, tmp_path: Path) -> No
 
     The other host is a network namespace behind a pair of interfaces.
     """
+    stack.enter_context(network.changing())
     name, subnet = f"mutune-{os.getpid()}", f"10.{213 + os.getpid() % 32}.{os.getpid() % 251}"
     if shutil.which("ip") is None or not _ip("netns", "add", name):
         pytest.skip("network namespaces are not permitted here")

@@ -38,7 +38,7 @@ def fitted(one, order=None):
 def test_intervals_hold_the_truth(second):
     """95 of 100 parameters of two elements lie in their own intervals, or more."""
     hits = total = 0
-    for seed in range(40):
+    for seed in range(25):
         generator = np.random.default_rng(seed)
         truth = [lag(generator, second=second) for _ in range(2)]
         fit = fitted(record([truth], generator), 2 if second else 1)
@@ -130,14 +130,14 @@ def parallel_record(seed, gains=(2.0, 2.0), n=2):
 
 
 def test_identical_units_are_held_for_identical():
-    """At 5 per cent a few of 40 records of equal units are held for unequal, and all of unequal."""
+    """At 5 per cent few of 12 records of equal units are held for unequal; unequal ones are."""
     wrong = sum(
         not identify(
             [parallel_record(s)], structure=PlantStructure.PARALLEL, allowed=Allowed(1)
         ).equality.plausible
-        for s in range(20)
+        for s in range(12)
     )
-    assert wrong <= 4
+    assert wrong <= 3
     unequal = identify([parallel_record(1, (2.0, 2.2))], structure=PlantStructure.PARALLEL)
     assert unequal.equality.probability < 1e-3
 

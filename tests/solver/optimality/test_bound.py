@@ -38,7 +38,7 @@ def search_of(specification):
     return GroupingSearch(
         specification,
         Freedom.usual(specification, groupings(specification)[0]),
-        lambda _: None,
+        lambda: None,
     )
 
 

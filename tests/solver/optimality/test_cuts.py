@@ -227,7 +227,7 @@ def test_an_unstable_loop_is_excluded_by_points_to_the_right_of_the_axis():
     """Integral action that destabilises a dead time meets the demand on the axis, not beside it."""
     plant = first_order(1, 2, 30, 0, 3)
     task = Specification(plant, Uncertainty.from_error(0.2, 1), Performance())
-    search = GroupingSearch(task, Freedom.usual(task, ((0,),)), lambda _: None)
+    search = GroupingSearch(task, Freedom.usual(task, ((0,),)), lambda: None)
     bound = BranchAndBound(search.problem, peaks=np.ones(1), tau_p=5.6)
     conditions = bound._conditions  # noqa: SLF001 - its points are what is looked at
     settings = np.array([0.35, 7.0])

@@ -79,7 +79,7 @@ def test_just_below_the_least_peak_the_nearest_settings_are_that_near():
     """Lag and dead time of 1: max_peak 1.010954 at least, at (k, tau_I) = (0.0096, infinity)."""
     late = ParallelPlant(1, TransferFunction((1,), (1, 1), 1), NONE)
     task = Specification(late, USUAL, Performance(1.0107))
-    search = GroupingSearch(task, Freedom.usual(task, ((0,),)), lambda _: None)
+    search = GroupingSearch(task, Freedom.usual(task, ((0,),)), lambda: None)
     here = search.nearly_feasible(np.log([0.02, 100.0]))
     assert 1.0002 < search.slowest_demand(here)[0].value < 1.0004
 

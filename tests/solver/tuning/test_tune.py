@@ -99,7 +99,7 @@ def test_what_the_grid_does_not_see_of_a_late_interaction_is_found():
         ParallelPlant(2, process, late), USUAL, Performance(), kind=ControllerKind.PID
     )
     freedom = Freedom.usual(specification, groupings(specification)[0])
-    search = GroupingSearch(specification, freedom, lambda _: None)
+    search = GroupingSearch(specification, freedom, lambda: None)
     search.descend(np.log([13.034, 51.679, 0.4058] * 2))
     search.hop()
     assert math.exp(search.optima[0].value) < 4.81
