@@ -92,6 +92,11 @@ def multivariable_limit(
         warnings.append("the search for the limit was ended early: it may be lower")
     elif realised is None:
         warnings.append("no controller of limited order was found near the limit")
+    if realised is not None and realised.unstable_poles:
+        warnings.append(
+            "the controller built is unstable by itself (poles in the right half plane: "
+            f"{realised.unstable_poles}): it runs away in manual, or where a valve is at its limit"
+        )
     return Limit(
         LimitStatus.TIME_LIMIT if search.ended else LimitStatus.FOUND,
         objective,

@@ -6,9 +6,12 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from solver.model.mode_controller import ModeController
+
 if TYPE_CHECKING:
     from solver.limits.lower_bound import LowerBound
-    from solver.model.mode_controller import ModeController
     from solver.model.state_space import StateSpace
     from solver.robustness.centralised import Centralised
 
@@ -51,6 +54,13 @@ class Realised:
     states: int
     tau_p: float
     robustness: Centralised
+
+    @property
+    def unstable_poles(self) -> int:
+        """Number of the controller's own poles in the right half plane, integrators apart."""
+        own = self.controller
+        parts = (own.total, own.difference) if isinstance(own, ModeController) else (own,)
+        return sum(int(np.count_nonzero(part.poles.real > 0)) for part in parts)
 
 
 @dataclass(frozen=True)

@@ -12,17 +12,19 @@ from ctrlsys import ab13md
 from solver.limits import search
 from solver.limits.lower_bound import Limitation, lower_bound
 from solver.limits.multivariable import multivariable_limit
-from solver.limits.record import Limit, LimitStatus
+from solver.limits.record import Limit, LimitStatus, Realised
 from solver.limits.search import Found, LimitSearch
 from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError, UnsupportedPlantError
 from solver.model.mode_controller import ModeController
 from solver.model.plants import MatrixPlant, ParallelPlant, Plant, first_order
+from solver.model.state_space import StateSpace
 from solver.model.transfer_function import TransferFunction
 from solver.model.weights import Performance, Structure, Uncertainty
 from solver.mu.scaling import upper_bound
 from solver.mu.structure import BlockStructure
 from solver.robustness.analysis import analyse
+from solver.robustness.centralised import analyse_centralised
 
 UNCERTAINTY = Uncertainty.from_error(0.2, 1.0)
 COLUMN = MatrixPlant(
@@ -220,6 +222,20 @@ def test_built_controller_is_checked_by_poles_and_ab13md() -> None:
 @functools.cache
 def _column() -> Limit:
     return multivariable_limit(COLUMN, UNCERTAINTY, Performance(tau_p=10.0))
+
+
+def test_poles_of_a_controller_that_runs_away_are_counted() -> None:
+    """Integrators are none of them; of a mode controller both parts count."""
+    calm = StateSpace([[0.0]], [[1.0]], [[0.1]], [[1.0]])
+    wild = StateSpace([[0.0, 0.0], [0.0, 0.3]], [[1.0], [1.0]], [[0.1, 1.0]], [[1.0]])
+    robustness = analyse_centralised(
+        first_order(1, 1.0, 10.0, 0.0, 1.0),
+        Uncertainty.from_error(0.2, 1),
+        Performance(tau_p=20.0),
+        calm,
+    )
+    for controller, number in ((calm, 0), (wild, 1), (ModeController(wild, wild), 2)):
+        assert Realised(controller, 2, 20.0, robustness).unstable_poles == number
 
 
 def test_column_is_held_below_one() -> None:
