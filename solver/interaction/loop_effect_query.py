@@ -69,7 +69,7 @@ class LoopEffectQuery:
             refuse_vanishing(gain, f"/gains/{index}")
         if any(element.dead_time and not element.is_zero for element in self.elements.values()):
             message = "the effect of a loop's gain is computed for plants without dead time only"
-            raise UnsupportedPlantError(message)
+            raise UnsupportedPlantError(message, "/plant")
 
     @property
     def elements(self) -> dict[tuple[int, int], TransferFunction]:

@@ -80,15 +80,8 @@ def mixed_controller(loops: Sequence[Controller], mixing: Mixing) -> MatrixPlant
     def element(factor: float, loop: Controller) -> TransferFunction:
         if factor == 0:
             return TransferFunction((0.0,), (1.0,))
-        num, den = np.array([factor * loop.gain]), np.ones(1)
-        if loop.integral_time is not None:
-            num = np.polymul(num, np.array([loop.integral_time, 1.0]))
-            den = np.array([loop.integral_time, 0.0])
-        if loop.derivative_time is not None:
-            num = np.polymul(num, np.array([loop.derivative_time, 1.0]))
-        if loop.lag_time:
-            den = np.asarray(np.polymul(den, np.array([loop.lag_time, 1.0])), dtype=float)
-        return TransferFunction(num.tolist(), den.tolist())
+        num, den = loop.polynomials
+        return TransferFunction([factor * coefficient for coefficient in num], den)
 
     return MatrixPlant(
         [

@@ -107,6 +107,19 @@ class Controller:
             return self.filter_time
         return DERIVATIVE_FILTER * (self.derivative_time or 0.0)
 
+    @property
+    def polynomials(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Numerator and denominator, descending in s (Skogestad, Lundstrom and Hovd, eq. 26)."""
+        num, den = np.array([self.gain]), np.array([1.0])
+        if self.integral_time is not None:
+            num = np.polymul(num, [self.integral_time, 1.0])
+            den = np.polymul(den, [self.integral_time, 0.0])
+        if self.derivative_time is not None:
+            num = np.polymul(num, [self.derivative_time, 1.0])
+        if self.lag_time:
+            den = np.polymul(den, [self.lag_time, 1.0])
+        return tuple(num.tolist()), tuple(den.tolist())
+
     def __call__(self, s: ArrayLike) -> NDArray[np.complex128] | complex:
         """Value at the complex points `s`, any shape, s != 0."""
         points: NDArray[np.complex128] = np.asarray(s, dtype=np.complex128)

@@ -406,7 +406,7 @@ class _Parts:
         """Return a controller times sigma^power."""
         return self._once(
             ("controller", channel, power),
-            lambda: _rational(*_controller(self.loop.controllers[channel]), self.frame, power),
+            lambda: _rational(*self.loop.controllers[channel].polynomials, self.frame, power),
         )
 
     def squares(
@@ -436,19 +436,6 @@ def _product(frame: _Frame, numbers: Sequence[int]) -> BoxModel | None:
     for number in numbers:
         found = frame.factors[number] if found is None else found * frame.factors[number]
     return found
-
-
-def _controller(controller: Controller) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Return numerator and denominator, descending; rounding counts in `_rational`."""
-    num, den = np.array([controller.gain]), np.array([1.0])
-    if controller.integral_time is not None:
-        num = np.polymul(num, [controller.integral_time, 1.0])
-        den = np.polymul(den, [controller.integral_time, 0.0])
-    if controller.derivative_time is not None:
-        num = np.polymul(num, [controller.derivative_time, 1.0])
-    if controller.lag_time:
-        den = np.polymul(den, [controller.lag_time, 1.0])
-    return tuple(num.tolist()), tuple(den.tolist())
 
 
 def _rational(

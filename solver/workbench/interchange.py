@@ -122,7 +122,7 @@ def to_control(
         message = "the order must be at least 1"
         raise InvalidInputError(message, "/pade")
     if isinstance(thing, Controller):
-        return control.tf(*_controller_polynomials(thing))
+        return control.tf(*thing.polynomials)
     if isinstance(thing, TransferFunction):
         return control.tf(*_polynomials(thing, pade))
     if isinstance(thing, Plant):
@@ -131,7 +131,7 @@ def to_control(
         loops = instances(thing, Controller, "")
         none = [0.0], [1.0]
         parts = [
-            [_controller_polynomials(loop) if r == c else none for c in range(len(loops))]
+            [loop.polynomials if r == c else none for c in range(len(loops))]
             for r, loop in enumerate(loops)
         ]
     return control.tf(
@@ -235,16 +235,3 @@ def _polynomials(function: TransferFunction, pade: int | None) -> tuple[Any, Any
 
     num, den = control.pade(function.dead_time, pade)
     return np.polymul(function.num, num), np.polymul(function.den, den)
-
-
-def _controller_polynomials(controller: Controller) -> tuple[Any, Any]:
-    """Numerator and denominator of the cascade form, Skogestad, Lundstrom and Hovd, eq. 26."""
-    num, den = np.array([controller.gain]), np.array([1.0])
-    if controller.integral_time is not None:
-        num = np.polymul(num, [controller.integral_time, 1.0])
-        den = np.polymul(den, [controller.integral_time, 0.0])
-    if controller.derivative_time is not None:
-        num = np.polymul(num, [controller.derivative_time, 1.0])
-    if controller.lag_time:
-        den = np.polymul(den, [controller.lag_time, 1.0])
-    return num, den

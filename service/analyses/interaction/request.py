@@ -21,6 +21,7 @@ from service.schemas.frequencies import Frequencies, ascending
 from service.schemas.loop_forms import GivenLoop
 from service.schemas.plants import Plant
 from solver.interaction.loop_effect_query import MAX_GAINS, LoopEffectQuery
+from solver.model.errors import UnsupportedPlantError
 from solver.model.plants import MAX_UNITS
 
 __all__ = ["EXAMPLE", "InteractionRequest", "InteractionTask"]
@@ -106,6 +107,9 @@ class InteractionRequest(AnalysisRequest):
             plant = self.plant.build()
         effect = None
         if self.effect is not None:
-            with below("/effect"):
-                effect = self.effect.build(plant)
+            try:
+                with below("/effect"):
+                    effect = self.effect.build(plant)
+            except UnsupportedPlantError as error:  # all else can be told of the plant
+                raise UnsupportedPlantError(error.message, "/effect") from None
         return InteractionTask(plant, ascending(self.omega), effect)
