@@ -35,7 +35,7 @@ SMALLEST_GAP = 1e-4  # the same where the slack is small: steps that gain less t
 ENOUGH = 0.1  # of the fall that the slope promises
 SHORTEST = 1e-8  # step: rounding
 RIDGE = 1e-13  # of the scaled Hessian's diagonal: what rounding leaves of a semidefinite one
-HIGHER = 100.0
+HIGHER = 100.0  # times that, where rounding leaves more: few tries reach any
 
 
 @dataclass(frozen=True, eq=False)
