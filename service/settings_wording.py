@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 from service.schemas.settings_nearby import SettingsTolerance
 from service.schemas.tunings import TuningResult
-from service.wording import loops_text, number
+from service.wording import number
+from solver.model.loop_names import loops_text
 
 __all__ = ["range_rows", "resolution_text", "together_text", "tolerance_text"]
 

@@ -10,8 +10,9 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 from service.schemas import TuningRequest, TuningResult, parse, tuning_to_json
-from service.wording import TIME_UNIT, loops_text
+from service.wording import TIME_UNIT
 from solver.model.controllers import Controller
+from solver.model.loop_names import loops_text
 from solver.model.plants import Plant
 from solver.model.weights import Performance, Uncertainty
 from solver.tuning.record import Tuning

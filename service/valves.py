@@ -14,7 +14,8 @@ import numpy as np
 from service.beyond import with_limit
 from service.schemas.fields import Instrument
 from service.schemas.tunings import tuning_to_json
-from service.wording import loops_text, number
+from service.wording import number
+from solver.model.loop_names import loops_text
 from solver.model.measured import MeasuredPlant
 from solver.stability.singular import is_singular
 

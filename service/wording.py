@@ -19,13 +19,11 @@ __all__ = [
     "forms",
     "guarantee_text",
     "headline",
-    "loops_text",
     "number",
     "optimality_text",
     "peak_rows",
     "spread_lines",
     "unit_of",
-    "units_text",
 ]
 
 NO_LESS = 1e-6  # relative differences below this come from rounding: not worth a number
@@ -112,18 +110,6 @@ def peak_rows(peaks: Peaks | None) -> list[tuple[str, str, str]]:
         (name, "-" if peak.value is None else f"{peak.value:.5f}", number(peak.omega))
         for name, peak in found
     ]
-
-
-def units_text(units: Sequence[int]) -> str:
-    """Return units, given from 0, counted from 1: ``1``, ``1-25`` or ``1, 3``."""
-    if len(units) > 1 and list(units) == list(range(units[0], units[0] + len(units))):
-        return f"{units[0] + 1}-{units[-1] + 1}"
-    return ", ".join(str(unit + 1) for unit in units)
-
-
-def loops_text(units: Sequence[int]) -> str:
-    """Return ``loop 1`` or ``loops 1-25``."""
-    return f"loop{'s' * (len(units) > 1)} {units_text(units)}"
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,8 @@ from service.schemas.fields import IdentifiedResult, ResultModel
 from service.schemas.given_loops import EXAMPLE, GivenLoops, LoopsTask
 from service.schemas.integral_controllability import IntegralControllability
 from service.schemas.peaks import Guarantee, Peak
-from service.wording import number, units_text
+from service.wording import number
+from solver.model.loop_names import units_text
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

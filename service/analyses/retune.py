@@ -19,8 +19,9 @@ from service.schemas.fields import AnalysisRequest, below
 from service.schemas.tunings import EXAMPLE as TUNING
 from service.schemas.tunings import TuningRequest, TuningResult
 from service.valves import finished
-from service.wording import headline, number, units_text
+from service.wording import headline, number
 from solver.model.errors import InvalidInputError
+from solver.model.loop_names import units_text
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -29,9 +29,10 @@ from service.schemas.margins import Bandwidths, LoopMargins
 from service.schemas.model_tolerance import ModelTolerance
 from service.schemas.peaks import CURVES_EXAMPLE, PEAK_EXAMPLE, Curves, Guarantee, Peak, Peaks
 from service.schemas.worst_case import WorstCase
-from service.wording import number, units_text
+from service.wording import number
 from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError
+from solver.model.loop_names import units_text
 from solver.model.plants import MAX_UNITS
 from solver.tuning.advice import NEAR_ONE, weights_factor
 

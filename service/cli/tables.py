@@ -20,13 +20,8 @@ from service.schemas import TuningResult
 from service.schemas.settings_nearby import SettingsTolerance
 from service.schemas.tunings import Comparison, SearchSummary
 from service.settings_wording import range_rows, resolution_text, together_text, tolerance_text
-from service.wording import (
-    NO_LESS,
-    number,
-    optimality_text,
-    spread_lines,
-    units_text,
-)
+from service.wording import NO_LESS, number, optimality_text, spread_lines
+from solver.model.loop_names import units_text
 
 __all__ = ["side_by_side", "tuning_table"]
 

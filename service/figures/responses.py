@@ -13,7 +13,8 @@ from service.figures.panels import Panels
 from service.figures.style import IDENTICAL, THIN, TODAY, line, time_title
 from service.schemas.drawn import DrawnStepResponse, DrawnUnits
 from service.simulations import Case
-from service.wording import TIME_UNIT, loops_text
+from service.wording import TIME_UNIT
+from solver.model.loop_names import loops_text
 
 __all__ = ["INPUT", "OUTPUT", "step_response", "tuned_response"]
 

@@ -35,7 +35,6 @@ from service.wording import (
     forms,
     guarantee_text,
     headline,
-    loops_text,
     number,
     optimality_text,
     peak_rows,
@@ -43,6 +42,7 @@ from service.wording import (
 )
 from solver import __version__
 from solver.model.controllers import Controller
+from solver.model.loop_names import loops_text
 from solver.model.measured import MeasuredPlant
 from solver.model.neighbours import NeighbourPlant
 from solver.model.plants import Plant

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from service.schemas.fields import Instrument
 from service.tuned import RequestedTuning
-from service.wording import loops_text
+from solver.model.loop_names import loops_text
 
 __all__ = ["instrument_of", "loops_name"]
 

@@ -336,21 +336,10 @@ def _with_sensors(tuned: RequestedTuning) -> Iterator[_Other]:
         return
     for sign in (1, -1):
         rows = [
-            [_product(_off(outputs.weight_of(row), sign), element) for element in elements]
+            [_off(outputs.weight_of(row), sign).in_series(element) for element in elements]
             for row, elements in enumerate(plant.rows)
         ]
         yield _Other(MatrixPlant(rows))
-
-
-def _product(first: TransferFunction, element: TransferFunction) -> TransferFunction:
-    """Return both in series."""
-    if element.is_zero:
-        return element
-    return TransferFunction(
-        tuple(np.polymul(first.num, element.num)),
-        tuple(np.polymul(first.den, element.den)),
-        element.dead_time,
-    )
 
 
 def _with_actuators(tuned: RequestedTuning) -> Iterator[_Other]:

@@ -4,7 +4,7 @@ import { request } from "./api.js";
 import { button, card, copy, csv, download, h, help, put, table } from "./dom.js";
 import { segments } from "./fields.js";
 import { figuresOf, showFigures, waiting } from "./figures.js";
-import { duration, label, number, plain, rangesOf, sentence, timed, timeUnit, unitText } from "./format.js";
+import { duration, label, loopsOf, number, plain, sentence, timed, timeUnit, unitText } from "./format.js";
 import { operation, resolve } from "./schema.js";
 
 const FORMS = ["cascade", "ideal", "parallel"];
@@ -35,9 +35,6 @@ const peaks = (found) => h("section", { class: "card peaks" }, h("h2", {}, "Peak
       h("span", { class: "value" }, value === null ? "–" : value.toFixed(4)),
       h("span", { class: "help" }, `at ${number(omega, 3)} ${unitText("rad/time")}`))),
   help("At most 1: the demand holds for every plant within the uncertainty."));
-
-/** Loops that share settings. @param {number[]} group */
-const loopsOf = (group) => `${group.length > 1 ? "Loops" : "Loop"} ${rangesOf(group)}`;
 
 /** How far settings may be moved. @param {any} result */
 function ranges({ settings_tolerance: near, groups, resolution: price }) {

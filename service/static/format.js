@@ -56,6 +56,9 @@ export function rangesOf(places) {
   return ranges.join(", ");
 }
 
+/** Loops that share settings. @param {number[]} group */
+export const loopsOf = (group) => `${group.length > 1 ? "Loops" : "Loop"} ${rangesOf(group)}`;
+
 /** @param {string | null} text one that may lack its capital and its full stop */
 export const sentence = (text) => (text ?? "").replace(/^./, (first) => first.toUpperCase()).replace(/[^.]$/, "$&.");
 

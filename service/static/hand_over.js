@@ -3,7 +3,7 @@
 import { Problem, request } from "./api.js";
 import { button, card, copy, csv, download, h, help, put, table } from "./dom.js";
 import { newId } from "./fields.js";
-import { namedUnit, number, rangesOf, sentence } from "./format.js";
+import { loopsOf, namedUnit, number, sentence } from "./format.js";
 
 const CHOSEN = "mutune.controller";
 const DIGITS = 4; // as typed; the service judges the rounded values
@@ -92,7 +92,7 @@ function rowsOf({ loops }, { groups }) {
   const rows = lines.map((group) => {
     const { tag, action, values } = loops[group[0]];
     const typed = [...columns.keys()].map((column) => values.find(({ name }) => name === column)?.value);
-    const name = tagged ? tag ?? `Loop ${group[0] + 1}` : `${group.length > 1 ? "Loops" : "Loop"} ${rangesOf(group)}`;
+    const name = tagged ? tag ?? `Loop ${group[0] + 1}` : loopsOf(group);
     const cell = (value) => (values.length === 0 ? "–" : value == null ? "off" : String(value));
     return [name, action, ...typed.map(cell)];
   });

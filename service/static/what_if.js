@@ -3,7 +3,7 @@
 import { once, Problem, request } from "./api.js";
 import { card, h, help, put, table } from "./dom.js";
 import { newId } from "./fields.js";
-import { number, rangesOf, timed, timeUnit } from "./format.js";
+import { loopsOf, number, timed, timeUnit } from "./format.js";
 
 const STEPS = 48; // of a slider, half of them to either side
 const WIDE = 4; // times the value asked for, at the ends
@@ -102,7 +102,7 @@ function settingsOf({ loops, groups }) {
     .filter((key) => loops.some((loop) => loop[key]));
   const heads = { gain: "Gain", integral_time: `Integral time, ${timeUnit()}`,
     derivative_time: `Derivative time, ${timeUnit()}`, filter_time: `Filter time, ${timeUnit()}` };
-  const rows = groups.map((group) => [`${group.length > 1 ? "Loops" : "Loop"} ${rangesOf(group)}`,
+  const rows = groups.map((group) => [loopsOf(group),
     ...keys.map((key) => number(loops[group[0]][key]))]);
   return table("Settings, cascade form", ["", ...keys.map((key) => heads[key])], rows);
 }

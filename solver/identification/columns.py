@@ -23,15 +23,29 @@ _CLOCKS = {
 }  # fmt: skip
 
 
-def clock_of(heads: Sequence[str], signals: Sequence[int], file: str) -> int:
-    """Return the place of the column of times: by its name, else the first that is no signal.
+def clock_of(heads: Sequence[str], wanted: str | None, signals: Sequence[int], file: str) -> int:
+    """Return the place of the column of times.
+
+    Parameters
+    ----------
+    heads : sequence of str
+        Of all columns.
+    wanted : str or None
+        Its head. None: the column that is called time or the like, else the first that is no
+        signal.
+    signals : sequence of int
+        Places of the signals.
+    file : str
+        For messages.
 
     Raises
     ------
     InvalidInputError
-        Every column is a signal.
+        As `place_of`; every column is a signal.
 
     """
+    if wanted is not None:
+        return place_of(heads, wanted, file)
     others = [place for place in range(len(heads)) if place not in signals]
     named = [
         place

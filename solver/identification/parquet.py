@@ -56,11 +56,7 @@ def read_columns(
     import pyarrow.parquet as pq  # noqa: PLC0415
 
     places = {name: place_of(heads, name, path.name) for name in signals}
-    clock = (
-        clock_of(heads, list(places.values()), path.name)
-        if time is None
-        else place_of(heads, time, path.name)
-    )
+    clock = clock_of(heads, time, list(places.values()), path.name)
     # By place: two columns of one name are one to pyarrow.
     wanted = [heads[place] for place in (clock, *places.values())]
     try:

@@ -226,11 +226,7 @@ def read_record(
     else:
         table = _Table(path)
         places = [place_of(table.heads, name, table.name) for name in signals]
-        clock = (
-            clock_of(table.heads, places, table.name)
-            if time is None
-            else place_of(table.heads, time, table.name)
-        )
+        clock = clock_of(table.heads, time, places, table.name)
         first, *styles = table.styles([clock, *places])
         times = table.times(clock, first)
         columns = {

@@ -9,7 +9,7 @@ import numpy as np
 
 from solver.identification.record import Record
 from solver.model.errors import InvalidInputError
-from solver.model.frequencies import corners_of
+from solver.model.frequencies import corners
 from solver.model.validation import instance
 from solver.relay.analysis import RelayOutcome, relay_experiment
 from solver.relay.experiment import RelayExperiment
@@ -94,8 +94,7 @@ def relay_records(task: RelayTuning) -> list[Record]:
 
     """
     instance(task, RelayTuning, "")
-    n = task.plant.n
-    slowest = float(corners_of([task.plant.element(i, j) for i in range(n) for j in range(n)])[0])
+    slowest = float(corners(task.plant)[0])
     records = []
     for output, input_ in enumerate(task.inputs):
         one = experiment_of(task, output, input_, samples=SAMPLES)

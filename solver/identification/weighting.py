@@ -10,7 +10,9 @@ import numpy as np
 from solver.identification.colour import colour_of
 
 if TYPE_CHECKING:
-    from solver.identification.row import Row, Solved
+    from collections.abc import Sequence
+
+    from solver.identification.row import Row, Segment, Solved
 
 __all__ = ["coloured", "levelled"]
 
@@ -27,14 +29,7 @@ def levelled(row: Row, solved: Solved) -> Row:
     for segment, block, part in zip(row.segments, solved.blocks, own, strict=True):
         left = (segment.output - block @ solved.gains - part)[segment.weight > 0]
         levels.append(float(np.sqrt(np.mean(left**2))) if left.size else 0.0)
-    typical = float(np.median(levels)) or 1.0
-    return replace(
-        row,
-        segments=tuple(
-            replace(segment, weight=(segment.weight > 0) / max(level / typical, QUIETEST))
-            for segment, level in zip(row.segments, levels, strict=True)
-        ),
-    )
+    return _weighted(row, row.segments, levels)
 
 
 def coloured(row: Row, solved: Solved) -> Row | None:
@@ -50,6 +45,11 @@ def coloured(row: Row, solved: Solved) -> Row | None:
         segments.append(replace(segment, colour=colour))
     if all(segment.colour is None for segment in segments):
         return None
+    return _weighted(row, segments, levels)
+
+
+def _weighted(row: Row, segments: Sequence[Segment], levels: Sequence[float]) -> Row:
+    """Return the row with these segments, each weighted by its level of the residual."""
     typical = float(np.median(levels)) or 1.0
     return replace(
         row,

@@ -72,7 +72,7 @@ class DynamicDecoupler:
         first = _quotient(p[0][1], p[0][0], "1,2 by element 1,1")
         second = _quotient(p[1][0], p[1][1], "2,1 by element 2,2")
         # q_1 belongs to column 1 of D: p_11 - p_12 p_21/p_22.
-        around = (_product(second, p[0][1]), _product(first, p[1][0]))
+        around = (second.in_series(p[0][1]), first.in_series(p[1][0]))
         gains = (
             1 / (p[0][0].static_gain + around[0].static_gain),
             1 / (p[1][1].static_gain + around[1].static_gain),
@@ -132,14 +132,6 @@ def _quotient(num: TransferFunction, den: TransferFunction, name: str) -> Transf
         (-np.polymul(num.num, den.den)).tolist(),
         np.polymul(num.den, den.num).tolist(),
         num.dead_time - den.dead_time,
-    )
-
-
-def _product(a: TransferFunction, b: TransferFunction) -> TransferFunction:
-    return TransferFunction(
-        np.polymul(a.num, b.num).tolist(),
-        np.polymul(a.den, b.den).tolist(),
-        a.dead_time + b.dead_time,
     )
 
 

@@ -103,6 +103,14 @@ class TransferFunction:
             message = f"the dead time must lie in 0..{LARGEST:g}"
             raise InvalidInputError(message, "/dead_time")
 
+    def in_series(self, other: TransferFunction) -> TransferFunction:
+        """Return the product with another one."""
+        return TransferFunction(
+            np.polymul(self.num, other.num).tolist(),
+            np.polymul(self.den, other.den).tolist(),
+            self.dead_time + other.dead_time,
+        )
+
     @property
     def is_zero(self) -> bool:
         """Whether this is the zero function."""

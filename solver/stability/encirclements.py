@@ -73,6 +73,12 @@ class LoopBatch:
     factors: LoopGain | None = None
     dead_time: float = 0.0
 
+    def rest(self, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """(I + D)^-1 (L - D) at `omega` (k,), (k, loops, m, m), D the direct part of L."""
+        through = np.eye(self.direct.shape[-1]) + self.direct
+        rest = np.linalg.solve(through, self.loop_gain(omega) - self.direct)
+        return np.asarray(rest, dtype=np.complex128)
+
     def determinant(self, omega: NDArray[np.float64]) -> _Determinant:
         """det(I + L) at `omega` (k,), (k, loops, f), by its factors."""
         if self.factors is not None:
@@ -111,8 +117,7 @@ def count_unstable(batch: LoopBatch) -> NDArray[np.int64]:
     high = _high_end(batch)
     extra = [batch.resonances, batch.bends]
     omega, followed = _with_dead_time(batch, grid(low, high, POINTS_PER_DECADE, extra))
-    through = np.eye(batch.direct.shape[-1]) + batch.direct
-    rest = np.linalg.solve(through, batch.loop_gain(omega[-1:])[0] - batch.direct)
+    rest = batch.rest(omega[-1:])[0]
     turned, lost, exhausted = _turns(batch, omega)
     # From 0+ to the first point, and from the last one to infinity, by the known limits: there
     # det(I + L) = det(I + D) det(I + rest) with det(I + D) real, and I + t rest is regular for t
@@ -155,11 +160,9 @@ def _high_end(batch: LoopBatch) -> float:
     where something passes on after a dead time.
     """
     omega = 1e3 * float(batch.bends[-1])
-    through = np.eye(batch.direct.shape[-1]) + batch.direct
     before = math.inf
     for _ in range(30):
-        L = batch.loop_gain(np.array([omega]))[0]
-        rest = np.linalg.solve(through, L - batch.direct)
+        rest = batch.rest(np.array([omega]))
         # No eigenvalue exceeds the sum of a row.
         size = float(np.abs(rest).sum(axis=-1).max())
         if size < SMALL or abs(size - before) < LEVEL * size:
@@ -207,13 +210,11 @@ def _calm(batch: LoopBatch, omega: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Whether no eigenvalue of any loop, or factor, can turn round zero there, (k,)."""
     if batch.factors is not None:
         return np.asarray((np.abs(batch.factors(omega) - 1) < CALM).all(axis=(1, 2)))
-    through = np.eye(batch.direct.shape[-1]) + batch.direct
     at_once = max(1, MAX_ENTRIES // batch.direct.size)
     found = np.empty(omega.size, dtype=bool)
     for first in range(0, omega.size, at_once):
         part = slice(first, first + at_once)
-        rest = np.linalg.solve(through, batch.loop_gain(omega[part]) - batch.direct)
-        found[part] = (_perron_bound(rest) < CALM).all(axis=1)
+        found[part] = (_perron_bound(batch.rest(omega[part])) < CALM).all(axis=1)
     return found
 
 

@@ -66,8 +66,9 @@ def as_found_on_data(
         # |w_P| falls as tau_P grows, and mu with it.
         low = math.log(FASTEST / plant.omega[-1])
         high = math.log(SLOWEST / plant.omega[0])
-        if height(high) > 1:
-            reason = f"even an infinitely slow demand peaks at mu = {height(high):.6g}"
+        slow = height(high)
+        if slow > 1:
+            reason = f"even an infinitely slow demand peaks at mu = {slow:.6g}"
         else:
             for _ in range(HALVINGS):
                 middle = 0.5 * (low + high)

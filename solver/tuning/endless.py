@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from solver.model.loop_names import loops_text
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -60,13 +62,12 @@ def remarks(search: GroupingSearch, theta: NDArray[np.float64]) -> list[str]:
     found = []
     for index, edge, given in _edges(search, theta):
         group, name = divmod(index, len(names))
+        setting = f"{loops_text(search.groups[group])}: the {names[name].replace('_', ' ')}"
         bounds = search.box.low, search.box.high
         if edge and given:
             value = math.exp(bounds[edge == "upper"][index])
             found.append(
-                f"{_loops(search.groups[group])}: the {names[name].replace('_', ' ')} is on its "
-                f"{edge} bound {value:.4g}; "
-                "a wider bound may do better"
+                f"{setting} is on its {edge} bound {value:.4g}; a wider bound may do better"
             )
             continue
         direction = edge or _endless(search, theta, index)
@@ -76,18 +77,8 @@ def remarks(search: GroupingSearch, theta: NDArray[np.float64]) -> list[str]:
         if direction:
             where = "infinity" if direction == "upper" else "0"
             meaning = MEANING[names[name], direction]
-            called = names[name].replace("_", " ")
-            found.append(f"{_loops(search.groups[group])}: the {called} goes to {where}: {meaning}")
+            found.append(f"{setting} goes to {where}: {meaning}")
     return found
-
-
-def _loops(group: tuple[int, ...]) -> str:
-    """Return the name of loops that share settings, counted from 1."""
-    if len(group) == 1:
-        return f"loop {group[0] + 1}"
-    if group == tuple(range(group[0], group[-1] + 1)):
-        return f"loops {group[0] + 1}-{group[-1] + 1}"
-    return f"loops {', '.join(str(unit + 1) for unit in group)}"
 
 
 def _edges(

@@ -166,8 +166,8 @@ class Solutions:
         found = search.exact.descend(theta, tolerance=NEARLY)
         if found is None:  # too far from the demand: by way of its own phase
             search.descend(theta)
-            starts = [optimum.theta for optimum in search.optima[:1]]
-            found = next((search.exact.descend(each, tolerance=NEARLY) for each in starts), None)
+            if search.optima:
+                found = search.exact.descend(search.optima[0].theta, tolerance=NEARLY)
         return None if found is None else self._stabilised(search, found)
 
     def _search(self, freedom: Freedom) -> GroupingSearch:
@@ -206,12 +206,13 @@ class Solutions:
         if not search.optima:
             return
         optimum = search.optima[0]
-        exact: Candidate | None = search.exact.measure(optimum.theta, optimum.value)
-        if exact is not None and math.isinf(exact.value) and math.isinf(self.clock.best):
+        exact = search.exact.measure(optimum.theta, optimum.value)
+        found: Candidate | None = exact if math.isfinite(exact.value) else None
+        if found is None and math.isinf(self.clock.best):
             # Between the grid's points it meets no demand, but others beside it do.
-            exact = search.exact.descend(optimum.theta)
-        if exact is not None and math.isfinite(exact.value) and search.accepts(exact.theta):
-            self.clock.tick(exact.value)
+            found = search.exact.descend(optimum.theta)
+        if found is not None and search.accepts(found.theta):
+            self.clock.tick(found.value)
 
     def _inherited(self, search: GroupingSearch) -> list[NDArray[np.float64]]:
         """Return the best settings with fewer freedoms, as parameters of this search."""

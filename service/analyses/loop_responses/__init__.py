@@ -22,7 +22,8 @@ from service.schemas.encoding import encode
 from service.schemas.fields import AnalysisRequest, below
 from service.schemas.frequencies import Frequencies, ascending
 from service.schemas.plants import Plant
-from service.wording import number, units_text
+from service.wording import number
+from solver.model.loop_names import units_text
 from solver.model.plants import MAX_UNITS
 from solver.robustness.loop_responses_query import LoopResponsesQuery
 

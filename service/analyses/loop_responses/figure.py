@@ -10,7 +10,8 @@ from service.analyses.loop_responses.drawn import DrawnLoopResponses
 from service.figures.panels import Panels
 from service.figures.style import frequency_title, line, log_axis, magnitude
 from service.schemas.complex import Complex
-from service.wording import TIME_UNIT, units_text
+from service.wording import TIME_UNIT
+from solver.model.loop_names import units_text
 
 __all__ = ["processes", "sensitivities"]
 

@@ -8,7 +8,8 @@ from service.analyses.relay.drawn import DrawnRelayExperiment, DrawnRelayTheory
 from service.figures.panels import Panels
 from service.figures.responses import INPUT, OUTPUT
 from service.figures.style import IDENTICAL, TODAY, line, time_title
-from service.wording import TIME_UNIT, units_text
+from service.wording import TIME_UNIT
+from solver.model.loop_names import units_text
 
 __all__ = ["nyquist", "relay"]
 

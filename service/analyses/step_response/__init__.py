@@ -15,7 +15,8 @@ from service.printing import Grid, Line, Part, warning_lines
 from service.schemas.drawn import DrawnStepResponse
 from service.schemas.encoding import encode
 from service.valves import limits_of, step_remarks
-from service.wording import number, units_text
+from service.wording import number
+from solver.model.loop_names import units_text
 
 __all__ = ["ANALYSIS", "EXAMPLE", "StepResponseRequest", "StepResponseResult"]
 
