@@ -1,4 +1,4 @@
-"""What unlike settings buy: ``python bench/asymmetry.py``, one batch of 810 tunings.
+"""What unlike settings buy: ``python -m bench.asymmetry``, one batch of 810 tunings.
 
 For n = 2 to 12 units, interactions over the whole range -1/(n - 1) < a < 1, three ratios of the
 plant's time constant to the neglected dead time, PI and PID: splits of the units into groups of

@@ -1,4 +1,4 @@
-"""Peaks proven over all frequencies: ``python bench/axis.py [LOOPS [FIRST]]``.
+"""Peaks proven over all frequencies: ``python -m bench.axis [LOOPS [FIRST]]``.
 
 First what a proof costs: seconds for the three peaks of mu with their brackets, for certain plants,
 medians of five runs in CPU seconds of one thread. Then random loops far from the usual (LOOPS of

@@ -1,6 +1,6 @@
 """A long batch on this machine: do workers wait, what survives a kill, what does the rest cost.
 
-``python bench/batch.py [--requests 10000] [--kills 5] [--stub 1]`` runs a mixed batch, one request
+``python -m bench.batch [--requests 10000] [--kills 5] [--stub 1]`` runs a mixed batch, one request
 in a hundred being slow, once without a break and once killed and taken up again, and compares the
 results. With ``--stub`` the tuner only waits, so many times as long as the real one takes: what is
 measured then is the batch itself.

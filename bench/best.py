@@ -1,4 +1,4 @@
-"""Is `best` as good as every grouping? ``python bench/best.py [n] [share]``.
+"""Is `best` as good as every grouping? ``python -m bench.best [n] [share]``.
 
 Parallel plants of 3 to 6 units, or of n alone, at four shares of the range of a, or at one: the
 result of the arrangement "best" beside every partition of the units into groups, each searched for

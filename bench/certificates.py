@@ -1,4 +1,4 @@
-"""Certificates beside a 10,000-point grid: ``python bench/certificates.py``.
+"""Certificates beside a 10,000-point grid: ``python -m bench.certificates``.
 
 For every plant of the tests: the peak of mu on a grid of 10,000 frequencies and the seconds that
 takes; the seconds to certify a level 0.1 per cent above it for all frequencies, the number of

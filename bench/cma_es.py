@@ -1,4 +1,4 @@
-"""Does another method find better settings? ``python bench/cma_es.py [runs]``.
+"""Does another method find better settings? ``python -m bench.cma_es [runs]``.
 
 CMA-ES (Hansen and Ostermeier 2001), which knows neither gradients nor the structure, on the same
 objective with the same bounds, for all plants of SLH tables 1 to 4: `runs` long runs a case (3)

@@ -1,4 +1,4 @@
-"""mu bounds and whole tunings beside their peers: ``python bench/compare.py [--long SECONDS]``.
+"""mu bounds and whole tunings beside their peers: ``python -m bench.compare [--long SECONDS]``.
 
 Prints tables and writes bench/results.json. Times are medians on one thread; the unit is one
 sweep of SLICOT's AB13MD over 61 frequencies, timed in the same run. ``--long`` adds differential

@@ -1,4 +1,4 @@
-"""The limit beside D-K iteration: ``python bench/dk_iteration.py``, some minutes.
+"""The limit beside D-K iteration: ``python -m bench.dk_iteration``, some minutes.
 
 SLH's column at tau_P = 10, a rational plant. With dkpy and slycot at hand (not dependencies:
 install them for this) dkpy's D-K iteration is run with D-scales of several orders, mu by SLICOT's

@@ -1,6 +1,6 @@
 """The figure of README and docs/identification.md: from a record to settings on a bench.
 
-    python bench/identification.py
+    python -m bench.identification
 
 Runs the three commands of the README and draws the record kept back with what the plant makes of
 it, the errors below their weight, and the loops on the nonlinear bench (matplotlib comes with the

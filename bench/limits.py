@@ -1,4 +1,4 @@
-"""Seconds that limits take, beside a sweep of AB13MD: python bench/limits.py [NAME...].
+"""Seconds that limits take, beside a sweep of AB13MD: python -m bench.limits [NAME...].
 
 Processor time of this process, one thread; an AB13MD sweep is 200 frequencies of the column.
 """

@@ -1,4 +1,4 @@
-"""How near is the proven lower bound, and what does it cost? ``python bench/optimality.py [s]``.
+"""How near is the proven lower bound, and what does it cost? ``python -m bench.optimality [s]``.
 
 The plants of SLH tables 1 and 3 and others, with dead time or many units, with identical PI
 settings and with two different ones. Every proof gets at most `s` CPU seconds.

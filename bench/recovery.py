@@ -1,6 +1,6 @@
 """Are plants found again within their own intervals, and do covers hold: a count.
 
-    python bench/recovery.py [--plants 30] [--auto]
+    python -m bench.recovery [--plants 30] [--auto]
 
 Draws plants of two inputs and two outputs of every form, moves both inputs at random, adds noise of
 several colours, identifies, and counts: true parameters within their 95 per cent intervals, new

@@ -1,4 +1,4 @@
-"""Does every seed find the best optimum? ``python bench/seeds.py [seeds]``.
+"""Does every seed find the best optimum? ``python -m bench.seeds [seeds]``.
 
 All plants of SLH tables 1 to 4: tau = 10 and 100, a from 0 to 0.995, PI and PID, identical and
 independent, from every seed 0, 1, ...; prints the best tau_P, the spread over the seeds, how many

@@ -1,8 +1,8 @@
 """What the service costs beside the solving: one command, a table printed.
 
-``python bench/service.py [--items N]`` starts `mutune serve` with two workers on an empty
+``python -m bench.service [--items N]`` starts `mutune serve` with two workers on an empty
 folder, and measures on this machine. Latencies are those of a client on the loopback address.
-``python bench/service.py --endurance 10000`` measures memory over so many jobs instead.
+``python -m bench.service --endurance 10000`` measures memory over so many jobs instead.
 """
 
 from __future__ import annotations
