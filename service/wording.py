@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -19,6 +20,7 @@ __all__ = [
     "forms",
     "guarantee_text",
     "headline",
+    "in_symbols",
     "number",
     "optimality_text",
     "peak_rows",
@@ -27,6 +29,7 @@ __all__ = [
 ]
 
 NO_LESS = 1e-6  # relative differences below this come from rounding: not worth a number
+_OWN_TIME = re.compile(r"τP = \d+(?:\.\d+)?(?:e[+-]?\d+)?(?![\d.]*[\d/])")
 TIME_UNIT = "time unit"  # what the caller's unit of time is called where it has no name
 OBJECTIVES = {"tau_p": "closed-loop time constant τP", "mu": "peak of μ"}
 _PEAKS = (
@@ -43,13 +46,25 @@ def number(value: float | None, digits: int = 5) -> str:
     return f"{value:.{digits}g}" if math.isfinite(value) else f"{'-' * (value < 0)}∞"
 
 
+def in_symbols(text: str, unit: str) -> str:
+    """Return a sentence of the solver with the symbols and the unit of time that people read."""
+    text = re.sub(r"\btau_P\b", "τP", text)
+    text = re.sub(r"\bomega_B\b", "ωB", text)
+    text = re.sub(r"\bomega\b", "ω", text)
+    text = re.sub(r"\bmu\b", "μ", text)
+    text = _OWN_TIME.sub(rf"\g<0> {unit}", text)
+    return text.replace("rad per time unit", f"rad/{unit}")
+
+
 def headline(result: TuningResult, unit: str | None = TIME_UNIT) -> str:
     """Return in one sentence what was found, or why nothing was; None: the unit is put in later."""
     rate, after = ("rad/time", "") if unit is None else (f"rad/{unit}", f" {unit}")
     after += "s" * (unit == TIME_UNIT)
     if not result.loops:
         where = f" (at ω = {number(result.omega)} {rate})" if result.omega else ""
-        return f"No settings: {result.reason or 'none were found'}{where}."
+        reason = result.reason or "none were found"
+        told = reason if unit is None else in_symbols(reason, unit)
+        return f"No settings: {told}{where}."
     found = f"Closed-loop time constant τP = {number(result.tau_p)}{after}"
     if result.objective == "mu" and result.peaks is not None:
         peak = result.peaks.robust_performance.value

@@ -35,6 +35,7 @@ from service.wording import (
     forms,
     guarantee_text,
     headline,
+    in_symbols,
     number,
     optimality_text,
     peak_rows,
@@ -79,6 +80,7 @@ def report_html(tuned: RequestedTuning, made_at: datetime, job: str | None = Non
     request = canonical(tuned.request)
     archived = f'{{"request":{request},"result":{result.model_dump_json()}}}'
     digest = hashlib.sha256(archived.encode()).hexdigest()
+    warnings = [in_symbols(text, tuned.unit) for text in result.warnings]
     names = {setting.units[0]: loops_name(tuned, setting.units) for setting in tuned.settings}
     units = f"{tuned.plant.n} unit{'s' * (tuned.plant.n != 1)}"
     title = tuned.request.title or f"Loop settings for {units}"
@@ -96,7 +98,7 @@ def report_html(tuned: RequestedTuning, made_at: datetime, job: str | None = Non
         job=job,
         version=__version__,
         # Those of a result with settings are among the risks.
-        warnings=() if tuned.settings else result.warnings,
+        warnings=() if tuned.settings else warnings,
         forms=forms([setting.controller for setting in tuned.settings]) if tuned.settings else (),
         elements=_elements(tuned),
         weights=_weights(tuned),
@@ -187,13 +189,14 @@ def _as_found(tuned: RequestedTuning) -> dict[str, Any] | None:
     today = tuned.result.as_found
     if today is None:
         return None
+    labels = {units[0]: loops_name(tuned, units) for _, units in _alike(tuned.as_found)}
     return {
         "tau_p": today.tau_p,
-        "reason": today.reason,
+        "reason": today.reason and in_symbols(today.reason, tuned.unit),
         "peaks": peak_rows(today.peaks),
-        "margins": _margins(tuned.plant, tuned.as_found),
+        "margins": _margins(tuned.plant, tuned.as_found, labels),
         "settings": [
-            (loops_text(units), *(number(getattr(loop, name)) for name in _SETTINGS))
+            (loops_name(tuned, units), *(number(getattr(loop, name)) for name in _SETTINGS))
             for loop, units in _alike(tuned.as_found)
         ],
     }

@@ -302,7 +302,7 @@ class MeasuredPlant(RequestModel):
         values = np.empty((count, n, n), dtype=complex)
         for r, row in enumerate(self.elements):
             if len(row) != n:
-                message = f"row {r} has {len(row)} elements, the matrix has {n} rows"
+                message = f"row {r + 1} has {len(row)} elements, the matrix has {n} rows"
                 raise InvalidInputError(message, f"/elements/{r}")
             for c, element in enumerate(row):
                 for name in ("re", "im"):

@@ -23,8 +23,9 @@ def instrument_of(tuned: RequestedTuning, unit: int) -> Instrument:
 
 
 def loops_name(tuned: RequestedTuning, units: Sequence[int]) -> str:
-    """Return ``TIC-101``, ``TIC-101, TIC-102`` or, without tags, ``loop 1`` or ``loops 1-25``."""
-    tags = [instrument_of(tuned, unit).tag for unit in units[: _LISTED + 1]]
-    if len(units) > _LISTED or None in tags:
+    """Return ``TIC-101, TIC-103``, ``TIC-101 to TIC-106`` or, without tags, ``loops 1-6``."""
+    tags = [tag for unit in units if (tag := instrument_of(tuned, unit).tag)]
+    if len(tags) < len(units):
         return loops_text(units)
-    return ", ".join(filter(None, tags))
+    together = list(units) == list(range(units[0], units[0] + len(units)))
+    return f"{tags[0]} to {tags[-1]}" if len(tags) > _LISTED and together else ", ".join(tags)

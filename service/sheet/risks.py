@@ -18,7 +18,7 @@ from service.schemas.sheet import Topic
 from service.sheet.naming import instrument_of, loops_name
 from service.sheet.responses import MOST_STEPS, SHOWN, Moves, steps_of
 from service.tuned import RequestedTuning
-from service.wording import NO_LESS, number
+from service.wording import NO_LESS, in_symbols, number
 from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError
 from solver.model.subsystems import interchangeable, subsystem
@@ -43,6 +43,7 @@ _OVERSHOOTS = 0.3  # of a set-point step: worth a word
 _PLENTY = 10.0  # times the demand's time constant in which a loop in service alone is looked at
 _TOLD = "Identical settings suffice"  # in advice, and here in the user's unit
 _DIGITS = (2, 3, 4, 5)
+_LOOPS = re.compile(r"\bloops? (?P<first>\d+)(?:-(?P<last>\d+))?\b(?!,? \d|, \.\.\.)")  # in advice
 _KEPT = 1.01  # of the peak of mu: what rounded settings may cost
 
 
@@ -75,7 +76,7 @@ def risks(
         *(Said("note", "warning", _sentence(text, tuned)) for text in tuned.result.warnings),
         *_manual(tuned),
         *_model(robustness.model_tolerance),
-        *_stability(robustness),
+        *_stability(tuned, robustness),
         *_saturation(tuned, moved),
         *_speed(tuned, robustness),
         *_settings(tuned),
@@ -92,13 +93,16 @@ def risks(
 
 def _sentence(text: str, tuned: RequestedTuning) -> str:
     """Return a sentence of the solver with the symbols, unit and tags that people read."""
-    text = re.sub(r"\btau_P\b", "τP", text)
-    text = re.sub(r"\bomega_B\b", "ωB", text)
-    text = re.sub(r"\bmu\b", "μ", text)
-    text = text.replace("rad per time unit", f"rad/{tuned.unit}").removesuffix(".")
-    tagged = re.sub(r"\bloop (\d+)\b", lambda found: loops_name(tuned, (int(found[1]) - 1,)), text)
+    text = in_symbols(text.removesuffix("."), tuned.unit)
+    tagged = _LOOPS.sub(lambda found: _named(found, tuned), text)
     first = tagged[:1].upper() if tagged[:1].isascii() else tagged[:1]
     return f"{first}{tagged[1:]}."
+
+
+def _named(found: re.Match[str], tuned: RequestedTuning) -> str:
+    first = int(found["first"]) - 1
+    units = range(first, int(found["last"] or found["first"]))
+    return loops_name(tuned, units) if units and units[-1] < tuned.plant.n else found[0]
 
 
 def _demand(tuned: RequestedTuning, robustness: Robustness) -> Iterator[Said]:
@@ -249,7 +253,7 @@ def _parameter(tolerance: ModelTolerance) -> str:
     return f"{name} of element {tolerance.element[0] + 1},{tolerance.element[1] + 1}"
 
 
-def _stability(robustness: Robustness) -> Iterator[Said]:
+def _stability(tuned: RequestedTuning, robustness: Robustness) -> Iterator[Said]:
     factor = robustness.uncertainty_scaling
     if factor is not None:
         level: Level = "good" if factor >= 1 else "bad"
@@ -268,8 +272,8 @@ def _stability(robustness: Robustness) -> Iterator[Said]:
     else:
         yield Said(
             "stability", "note",
-            f"Not proven over all frequencies: {guarantee.reason}. The peaks were sought on a fine "
-            "grid and refined.",
+            f"Not proven over all frequencies: {in_symbols(guarantee.reason or '', tuned.unit)}. "
+            "The peaks were sought on a fine grid and refined.",
         )  # fmt: skip
 
 

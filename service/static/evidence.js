@@ -15,12 +15,13 @@ export function evidence(job, name) {
   const found = result.loops.length > 0;
   const inside = h("div", { class: "inside" });
   const fold = h("details", { class: "evidence" },
-    h("summary", {}, "Evidence: peaks of μ, curves, local optima, proof, request"), inside);
+    h("summary", {}, found ? "Evidence: peaks of μ, curves, local optima, proof, request" : "What was asked"), inside);
   fold.addEventListener("toggle", () => {
     if (!fold.open || inside.hasChildNodes()) return;
+    if (!found) return put(inside, result.as_found && today(result), asked(job, name));
     const figures = h("div", { class: "figures" }, waiting(4));
-    put(inside, h("div", { class: "cards" }, result.peaks && peaks(result.peaks), found && settings(result),
-      found && result.settings_tolerance && ranges(result), result.as_found && today(result),
+    put(inside, h("div", { class: "cards" }, result.peaks && peaks(result.peaks), settings(job),
+      result.settings_tolerance && ranges(job), result.as_found && today(result),
       result.certificate && certificate(job, name), asked(job, name)), figures);
     showFigures(figures, figuresOf(id), name);
   });
@@ -36,10 +37,12 @@ const peaks = (found) => h("section", { class: "card peaks" }, h("h2", {}, "Peak
       h("span", { class: "help" }, `at ${number(omega, 3)} ${unitText("rad/time")}`))),
   help("At most 1: the demand holds for every plant within the uncertainty."));
 
-/** How far settings may be moved. @param {any} result */
-function ranges({ settings_tolerance: near, groups, resolution: price }) {
+/** How far settings may be moved. @param {any} job */
+function ranges({ request: { instruments }, result: { settings_tolerance: near, groups, resolution: price } }) {
+  const signals = instruments ?? [];
   const rows = near.alone.map((/** @type {any} */ one) =>
-    [`${loopsOf(groups[one.group])}, ${label(one.parameter)}`, number(one.low), number(one.value), number(one.high)]);
+    [`${loopsOf(groups[one.group], signals)}, ${label(one.parameter)}`,
+      ...[one.low, one.value, one.high].map((value) => number(value))]);
   return card("How far they may be moved",
     price && h("p", {},
       `As typed in τₚ is ${number(price.tau_p_rounded)}; with any digits ${number(price.tau_p_exact)}.`),
@@ -52,7 +55,7 @@ function today({ as_found: old, peaks: now, tau_p: tau }) {
   const rows = [["Time constant τₚ", number(old.tau_p), number(tau)], ...Object.keys(now ?? {}).map((name) =>
     [label(name), number(old.peaks?.[name].value), number(now[name].value)])];
   return card("Today's settings", table("Today's settings beside these", ["", "today", "found"], rows),
-    old.reason && help(sentence(old.reason)));
+    old.reason && help(plain(sentence(old.reason))));
 }
 
 /** @param {string} key of a controller's form */
@@ -64,8 +67,9 @@ function unitOfSetting(key) {
 /** @param {number | null | undefined} value */
 const sixDigits = (value) => (value ? String(Number(value.toPrecision(6))) : "");
 
-/** The tuning table in three forms. @param {any} result */
-function settings({ loops, groups }) {
+/** The tuning table in three forms. @param {any} job */
+function settings({ request: { instruments }, result: { loops, groups } }) {
+  const named = (group) => loopsOf(group, instruments ?? []);
   const place = h("div", {});
   const said = h("span", { class: "help", role: "status" });
   const { node, read } = segments("Form of the controller", FORMS.map(label), 0);
@@ -81,8 +85,9 @@ function settings({ loops, groups }) {
     const keys = Object.keys(described.properties).filter((key) => given.some((one) => one[key]));
     const names = keys.map((key) => [label(key), unitOfSetting(key)].filter(Boolean).join(", "));
     sheet = [["Loop", ...names], ...groups.flatMap((group, i) =>
-      group.map((unit) => [String(unit + 1), ...keys.map((key) => sixDigits(given[i][key]))]))];
-    const rows = groups.map((group, i) => [loopsOf(group), ...keys.map((key) => number(given[i][key], 5))]);
+      group.map((unit) => [instruments?.[unit]?.tag ?? String(unit + 1),
+        ...keys.map((key) => sixDigits(given[i][key]))]))];
+    const rows = groups.map((group, i) => [named(group), ...keys.map((key) => number(given[i][key], 5))]);
     const reasons = forms.filter((one) => !one[form]).map((one) => sentence(one.reason));
     put(place, table("Controller settings", ["", ...names], rows),
       help(plain([described.description, ...new Set(reasons)].join(" "))));
@@ -109,8 +114,9 @@ function certificate({ result: { certificate: proof } }, name) {
 /** @param {any} job @param {string} name */
 function asked({ request: body, result: { search } }, name) {
   const text = JSON.stringify(body, null, 2);
-  const effort = `${search.starts} starts in ${duration(search.elapsed_seconds)}, seed ${search.seed}`;
-  return card("What was asked", help(`${effort}, ${search.local_optima.length} local optima.`),
+  const effort = `${search.starts} starts in ${duration(search.elapsed_seconds)}, seed ${search.seed}, `
+    + `${search.local_optima.length} local optima.`;
+  return card("What was asked", help(search.starts ? effort : "No search: the plant and the demand rule it out."),
     h("details", {}, h("summary", {}, "Request"), h("pre", { tabindex: "0" }, text)),
     button("Download request", () => download(`${name}-request.json`, text)));
 }

@@ -16,6 +16,7 @@ const OPTIONS = /** @type {Record<string, string>} */ ({
   OutputsOfError: "Error and time scale", OutputsOfWeight: "Weight w(s)",
   OutputsOfGainAndDeadTime: "Errors of gain and dead time",
 });
+const FEW = 3; // tags that are told one by one
 const SUPERSCRIPTS = "⁰¹²³⁴⁵⁶⁷⁸⁹";
 
 /** @param {string} key a name of the API, in snake_case, kebab-case or CamelCase */
@@ -56,8 +57,15 @@ export function rangesOf(places) {
   return ranges.join(", ");
 }
 
-/** Loops that share settings. @param {number[]} group */
-export const loopsOf = (group) => `${group.length > 1 ? "Loops" : "Loop"} ${rangesOf(group)}`;
+/** Loops that share settings, by their tags where all have one. @param {number[]} group @param {any[]} [signals] */
+export function loopsOf(group, signals = []) {
+  const tags = group.map((unit) => signals[unit]?.tag);
+  if (tags.every(Boolean)) {
+    const together = group.every((unit, i) => unit === group[0] + i);
+    return tags.length > FEW && together ? `${tags[0]} to ${tags.at(-1)}` : tags.join(", ");
+  }
+  return `${group.length > 1 ? "Loops" : "Loop"} ${rangesOf(group)}`;
+}
 
 /** @param {string | null} text one that may lack its capital and its full stop */
 export const sentence = (text) => (text ?? "").replace(/^./, (first) => first.toUpperCase()).replace(/[^.]$/, "$&.");
@@ -68,7 +76,8 @@ const PLAIN = [
   [/\bomega_B\b/g, "ωB"], [/\bomega\b/g, "ω"], [/\btheta\b/g, "θ"], [/\bepsilon\b/g, "ε"], [/\btau\b/g, "τ"],
   [/\bmu\b/g, "μ"], [/τP/g, "τₚ"], [/\beps\b/g, "ε"], [/Delta_/g, "Δ_"],
   [/(?<![A-Za-z])([wMKΔ])_(i0|[OIstu])\b/g, "$1$2"],
-  [/; null: ?/g, ". Empty: "], [/\bnull: ?/g, "Empty: "], [/\bnull\b/g, "empty"], [/\(?from 0\)?/g, "counted from 1"],
+  [/; null: ?/g, ". Empty: "], [/\bnull: ?/g, "Empty: "], [/\bnull\b/g, "empty"],
+  [/\(?\bfrom 0\b\)?(?!\.\d| (to|on)\b)/g, "counted from 1"],
   [/\(mutune tune\)/g, "(Tune)"], [/\(mutune limit\)/g, "(Tune, with the limit asked for under Search)"],
   [/: ask `mutune limit`/g, ""], [/ \(mutune identify\)/g, " (From a record)"], [/: mutune parallel-drives/g, ""],
   [/\bperformance\./g, ""], [/(?<=[a-z])_(?=[a-z])/g, " "],

@@ -29,7 +29,7 @@ export function resultView(body, job) {
   const found = result.loops.length > 0;
   const name = fileName(job.id);
   if (!found) {
-    const warnings = result.warnings.map((text) => h("li", {}, sentence(text)));
+    const warnings = result.warnings.map((text) => h("li", {}, plain(sentence(text))));
     put(body, infeasible(job), warnings.length > 0 && h("section", { class: "card warning" }, h("ul", {}, warnings)),
       actions(job, found), evidence(job, name));
     return;
@@ -83,7 +83,7 @@ function plate({ plant, uncertainty: { epsilon, theta }, performance: { max_peak
 function scenarios({ scenarios: found, active, spread }) {
   if (!found?.length) return null;
   const proof = spread?.proof;
-  const told = proof && help(proof.reason ? `Not all plants of the spread are proven: ${sentence(proof.reason)}`
+  const told = proof && help(proof.reason ? `Not all plants of the spread are proven: ${plain(sentence(proof.reason))}`
     : `Every plant of the spread is proven: μ is at most ${number(proof.level, 5)}.`);
   return h("div", {}, h("ul", {}, found.map(({ name, in_service: units, sets, tau_p: own, peaks }) => h("li", {},
     h("strong", {}, name), name === active ? " decides" : "", `: μ ${number(peaks.robust_performance.value)}`,
@@ -95,7 +95,7 @@ function scenarios({ scenarios: found, active, spread }) {
 function guaranteed(guarantee) {
   if (!guarantee) return null;
   return help(guarantee.status === "proven" ? `Proven: μ is at most ${number(guarantee.level, 5)} at every frequency.`
-    : `Not proven over all frequencies: ${sentence(guarantee.reason)}`);
+    : `Not proven over all frequencies: ${plain(sentence(guarantee.reason))}`);
 }
 
 /** How much better any settings can be. @param {any} proof */
@@ -110,9 +110,9 @@ function limit({ lower_bound: least, gap, status }) {
 function gain({ comparison: { gain_percent: percent, identical_value: value, identical_loop: loop }, objective }) {
   if (!(percent >= 1e-4)) return h("p", { class: "gain" }, `Identical settings reach ${number(value)} too.`);
   const [better, unit] = objective === "tau_p" ? ["faster", ` ${timeUnit()}`] : ["lower", ""];
-  const lead = loop.derivative_time ? `, derivative time ${number(loop.derivative_time)}` : "";
+  const lead = loop.derivative_time ? `, derivative time ${timed(loop.derivative_time)}` : "";
   const identical = `${number(value)}${unit} with gain ${number(loop.gain)}, integral time `
-    + `${number(loop.integral_time)}${lead}.`;
+    + `${timed(loop.integral_time)}${lead}.`;
   if (percent < WORTH_IT) {
     return help(`Identical settings would do: ${identical} These are ${number(percent, 3)} % ${better}.`);
   }

@@ -247,5 +247,5 @@ def prove(
             "result; the guarantee stands without it"
         )
         return None, [reason]
-    where = "" if outcome.omega is None else f" near omega = {outcome.omega:.4g}"
+    where = "" if outcome.omega is None else f" near omega = {outcome.omega:.4g} rad per time unit"
     return None, [f"no certificate: {outcome.obstacle.value}{where}"]

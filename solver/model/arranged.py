@@ -73,10 +73,10 @@ def check_pairing(pairing: Sequence[int], n: int) -> tuple[int, ...]:
         raise InvalidInputError(message, "/pairing")
     for index, unit in enumerate(order):
         if not 0 <= unit < n:
-            message = f"the inputs are counted from 0 to {n - 1}"
+            message = f"the plant has {n} inputs"
             raise InvalidInputError(message, f"/pairing/{index}")
         if unit in order[:index]:
-            message = f"input {unit} is paired already, with output {order.index(unit)}"
+            message = f"this input is paired already, with output {order.index(unit) + 1}"
             raise InvalidInputError(message, f"/pairing/{index}")
     return order
 

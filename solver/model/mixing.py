@@ -69,7 +69,7 @@ class Mixing:
             )
             for index, row in enumerate(rows):
                 if len(row) != len(rows):
-                    message = f"row {index} has {len(row)} entries, the matrix {len(rows)} rows"
+                    message = f"row {index + 1} has {len(row)} entries, the matrix {len(rows)} rows"
                     raise InvalidInputError(message, f"/{name}/{index}")
             matrix = np.array(rows)
             if not matrix.size or not np.isfinite(matrix).all():

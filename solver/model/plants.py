@@ -201,7 +201,9 @@ class MatrixPlant(Plant):
             raise InvalidInputError(message, "/elements")
         for index, row in enumerate(rows):
             if len(row) != len(rows):
-                message = f"row {index} has {len(row)} elements, the matrix has {len(rows)} rows"
+                message = (
+                    f"row {index + 1} has {len(row)} elements, the matrix has {len(rows)} rows"
+                )
                 raise InvalidInputError(message, f"/elements/{index}")
 
     @property

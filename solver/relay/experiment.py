@@ -166,10 +166,10 @@ class RelayExperiment:
                 field = f"{place[2]}/{name}"
                 number = (place[0], place[1])[side]
                 if not 0 <= number < n:
-                    message = f"the plant has {name}s 0..{n - 1}"
+                    message = f"the plant has {n} {name}s"
                     raise InvalidInputError(message, field)
                 if number in seen:
-                    message = f"{name} {number} is in two loops"
+                    message = f"{name} {number + 1} is in two loops"
                     raise InvalidInputError(message, field)
                 seen.add(number)
 
@@ -177,14 +177,14 @@ class RelayExperiment:
         n = self.plant.n
         for index, step in enumerate(self.steps):
             if not 0 <= step.unit < n:
-                message = f"the plant has units 0..{n - 1}"
+                message = f"the plant has {n} loops"
                 raise InvalidInputError(message, f"/steps/{index}/unit")
             if not step.time < self.duration:
                 message = f"the step comes after the end of the simulation, {self.duration:g}"
                 raise InvalidInputError(message, f"/steps/{index}/time")
             loop = next((each.loop for each in self.loops if each.output == step.unit), None)
             if not acts(step.kind, loop):
-                message = f"nothing in loop {step.unit} listens to a step of its {step.kind}"
+                message = f"nothing in loop {step.unit + 1} listens to a step of its {step.kind}"
                 raise InvalidInputError(message, f"/steps/{index}/kind")
 
 

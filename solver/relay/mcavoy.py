@@ -92,7 +92,9 @@ def mcavoy(
         raise InvalidInputError(message, "/loops")
     for row, column in enumerate(inputs):
         if plant.element(row, column).is_zero:
-            message = f"output {row} does not react to input {column}: they cannot be paired"
+            message = (
+                f"output {row + 1} does not react to input {column + 1}: they cannot be paired"
+            )
             raise InvalidInputError(message, "/loops")
     own = plant.element(loop, inputs[loop])
     order = list(inputs)

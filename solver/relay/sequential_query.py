@@ -58,7 +58,7 @@ class RelayTuning:
         if self.pairing is not None:
             settle(self, pairing=integers(self.pairing, "/pairing"))
             if sorted(self.pairing) != list(range(n)):
-                message = f"a pairing names each input 0..{n - 1} once"
+                message = f"a pairing names each of the {n} inputs once"
                 raise InvalidInputError(message, "/pairing")
         settle(self, rounds=integer(self.rounds, "/rounds"))
         if not 1 <= self.rounds <= MAX_ROUNDS:

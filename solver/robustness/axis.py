@@ -363,7 +363,9 @@ class _CurveSearch:
             low = reached
             self._look(low * np.exp(np.linspace(-1, AHEAD, LOOKS) * log_ratio))
             log_ratio = min(AHEAD * log_ratio, FIRST_STEP)
-        self.reason = f"no proof near omega = {low:.6g}: the curve varies too quickly there"
+        self.reason = (
+            f"no proof near omega = {low:.6g} rad per time unit: the curve varies too quickly there"
+        )
         self._resolve()
 
     def _prove_by_boxes(self) -> None:

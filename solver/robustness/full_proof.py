@@ -149,7 +149,8 @@ class _Proof:
             return "no proof towards the frequency zero"
         if math.isinf(first.high[0]):
             return "no proof towards the frequency infinity"
-        return f"no proof near omega = {first.low[0]:.6g}: the curve varies {how} there"
+        omega = f"{first.low[0]:.6g} rad per time unit"
+        return f"no proof near omega = {omega}: the curve varies {how} there"
 
     def _seen(self, cells: _Cells) -> _Seen:
         parts, order = [], []

@@ -182,13 +182,13 @@ class Experiment(ByValue):
     def _check_steps(self) -> None:
         for index, step in enumerate(self.steps):
             if not 0 <= step.unit < self.plant.n:
-                message = f"the plant has units 0..{self.plant.n - 1}"
+                message = f"the plant has {self.plant.n} loops"
                 raise InvalidInputError(message, f"/steps/{index}/unit")
             if not step.time < self.duration:
                 message = f"the step comes after the end of the simulation, {self.duration:g}"
                 raise InvalidInputError(message, f"/steps/{index}/time")
             if self.controller is None and not acts(step.kind, self.loops[step.unit]):
-                message = f"nothing in loop {step.unit} listens to a step of its {step.kind}"
+                message = f"nothing in loop {step.unit + 1} listens to a step of its {step.kind}"
                 raise InvalidInputError(message, f"/steps/{index}/kind")
 
     def _check_sizes(self) -> None:

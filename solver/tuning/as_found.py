@@ -112,5 +112,5 @@ def _why(specification: Specification, loops: Sequence[Controller], own: Attaine
         return "they leave an offset that the demand does not permit"
     return (
         f"even an infinitely slow demand peaks at mu = {slow.value:.6g} near omega = "
-        f"{slow.omega:.4g}"
+        f"{slow.omega:.4g} rad per time unit"
     )

@@ -165,7 +165,7 @@ def _matrix(G: NDArray[np.float64]) -> Impossibility | None:
     own = np.abs(np.diag(equilibrate(G)))
     if own.min() * SINGULAR_CONDITION <= 1:
         loop = int(own.argmin())
-        reason = f"loop {loop} has no steady-state gain of its own: pair it anew"
+        reason = f"loop {loop + 1} has no steady-state gain of its own: pair it anew"
         return Impossibility(reason, 0.0, whatever_signs=False)
     if np.linalg.det(G / np.diag(G)) < 0:
         reason = (

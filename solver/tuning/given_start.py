@@ -37,7 +37,9 @@ def given_groups(specification: Specification, groups: Groups) -> Groups:
     for group in groups:
         for unit in group:
             if start[unit] != start[group[0]]:
-                message = f"loops {group[0]} and {unit} share their settings in this arrangement"
+                message = (
+                    f"loops {group[0] + 1} and {unit + 1} share their settings in this arrangement"
+                )
                 raise InvalidInputError(message, f"/search/start/{unit}")
     return groups
 

@@ -113,8 +113,9 @@ def _require_one_sign(specification: Specification, groups: Groups) -> None:
         for unit, gain in zip(group, gains, strict=True):
             if (gain < 0) is not (gains[0] < 0):
                 message = (
-                    f"units {group[0]} and {unit} have steady-state gains of opposite signs and "
-                    "cannot share one controller gain; split the group, or permit any signs"
+                    f"loops {group[0] + 1} and {unit + 1} have steady-state gains of opposite "
+                    "signs and cannot share one controller gain; split the group, or permit any "
+                    "signs"
                 )
                 raise InvalidInputError(message, f"/controller/groups/{index}")
 

@@ -188,8 +188,8 @@ class _Run:
             for unit in group:
                 if self.gain[unit, unit] * sign <= 0:
                     message = (
-                        f"units {group[0]} and {unit} have static gains of opposite signs, or none:"
-                        " they cannot share one controller gain"
+                        f"loops {group[0] + 1} and {unit + 1} have static gains of opposite signs, "
+                        "or none: they cannot share one controller gain"
                     )
                     raise UnsupportedPlantError(message, f"/controller/groups/{index}")
 

@@ -197,7 +197,7 @@ def _beside_today(specification: Specification, tuning: Tuning, today: AsFound) 
         word = f"{share:.3g} % less" if share >= 0 else f"{-share:.3g} % more"
         yield (
             f"Today's settings keep the demand from tau_P = {today.tau_p:.4g} on; these from "
-            f"{tuning.tau_p:.4g} on, {word}."
+            f"tau_P = {tuning.tau_p:.4g} on, {word}."
         )
         return
     if today.reason is not None:

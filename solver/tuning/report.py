@@ -169,7 +169,8 @@ def _none_kept(
     slow, _ = search.slowest_demand(search.nearly_feasible(chosen.candidate.theta))
     reason = (
         "none were found that keep mu <= 1 on the whole axis: for the nearest ones even an "
-        f"infinitely slow demand peaks at mu = {slow.value:.6g} near omega = {slow.omega:.4g}"
+        f"infinitely slow demand peaks at mu = {slow.value:.6g} near omega = {slow.omega:.4g} "
+        "rad per time unit"
     )
     return infeasible(specification, search.groups, clock, reason, slow.omega)
 

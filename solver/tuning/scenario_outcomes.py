@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from solver.certificate.search import PROVEN_ABOVE, prove
+from solver.model.loop_names import loops_text
 from solver.robustness.record import Guarantee, GuaranteeStatus
 from solver.tuning.record import ScenarioOutcome
 from solver.tuning.scenarios import AS_GIVEN
@@ -52,8 +53,7 @@ def scenario_outcomes(
                 case.plant, case.uncertainty, performance, case.loops(end.loops), level,
                 interrupt=interrupt,
             )  # fmt: skip
-            units = ", ".join(str(unit) for unit in case.units)
-            warnings += [f"units {units} in service: {reason}" for reason in reasons]
+            warnings += [f"{loops_text(case.units)} in service: {reason}" for reason in reasons]
         certificates.append(proof)
     names = [AS_GIVEN, *(scenario.name for scenario in specification.scenarios)]
     if specification.spread is not None:

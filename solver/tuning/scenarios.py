@@ -172,7 +172,7 @@ def check_scenarios(
             raise error.within(field) from None
         for units in scenario.in_service or ():
             if not 0 <= units < plant.n:
-                message = f"unit {units} is none of 0..{plant.n - 1}"
+                message = f"the plant has {plant.n} loops"
                 raise InvalidInputError(message, f"{field}/in_service")
         for count in scenario.any_in_service or ():
             if not 0 < count <= plant.n:

@@ -448,15 +448,15 @@ class Specification:
                 raise InvalidInputError(message, f"{where}/{index}")
             for place, unit in enumerate(group):
                 if not 0 <= unit < n:
-                    message = f"the units are counted from 0 to {n - 1}"
+                    message = f"the plant has {n} loops"
                     raise InvalidInputError(message, f"{where}/{index}/{place}")
                 if unit in owner:
-                    message = f"unit {unit} is in group {owner[unit]} already"
+                    message = f"loop {unit + 1} is in group {owner[unit] + 1} already"
                     raise InvalidInputError(message, f"{where}/{index}/{place}")
                 owner[unit] = index
         missing = [unit for unit in range(n) if unit not in owner]
         if missing:
-            message = f"unit {missing[0]} is in no group"
+            message = f"loop {missing[0] + 1} is in no group"
             raise InvalidInputError(message, where)
 
     def _check_start(self) -> None:

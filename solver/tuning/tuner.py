@@ -124,8 +124,8 @@ def _best_pairing(
     if len(found) == 1:
         return best
     spent = sum(each.search.elapsed_seconds for each in found)
-    outcome = "; ".join(f"{list(t.pairing or ())} {_reached(t)}" for t in found)
-    said = f"Pairings tried, the input of each output counted from 0: {outcome}."
+    outcome = "; ".join(f"{_from_one(t.pairing)} {_reached(t)}" for t in found)
+    said = f"Pairings tried, the input of outputs 1, 2, ...: {outcome}."
     cut = any(each.status is Status.TIME_LIMIT for each in found)
     return replace(
         best,
@@ -140,6 +140,11 @@ def _worth(tuning: Tuning) -> tuple[bool, float, float]:
     if tuning.peaks is None or tuning.tau_p is None:
         return True, math.inf, math.inf
     return False, tuning.tau_p, tuning.peaks.robust_performance.value
+
+
+def _from_one(pairing: Sequence[int] | None) -> str:
+    """Return the input of each output, counted from 1: ``2, 1``."""
+    return ", ".join(str(unit + 1) for unit in pairing or ())
 
 
 def _reached(tuning: Tuning) -> str:
@@ -354,7 +359,8 @@ class _Run:
             return infeasible(self.specification, groups, self.clock, reason, None)
         reason = (
             f"none were found that meet mu <= 1 at any tau_P: for the nearest ones even an "
-            f"infinitely slow demand peaks at mu = {slow.value:.6g} near omega = {slow.omega:.4g}"
+            f"infinitely slow demand peaks at mu = {slow.value:.6g} near omega = {slow.omega:.4g} "
+            "rad per time unit"
         )
         if len(search.cases) > 1:
             reason += f", in scenario {self.specification.name_of(case)!r}"

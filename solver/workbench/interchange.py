@@ -159,7 +159,7 @@ def _rows(G: Any) -> list[list[TransferFunction]]:  # noqa: ANN401 - see `plant`
     given = [items(row, f"/{r}") for r, row in enumerate(items(G, ""))]
     for r, row in enumerate(given):
         if len(row) != len(given):
-            message = f"a plant is square; row {r} has {len(row)} of {len(given)} entries"
+            message = f"a plant is square; row {r + 1} has {len(row)} of {len(given)} entries"
             raise InvalidInputError(message, f"/{r}")
     if not given:
         message = "a plant has at least one element"

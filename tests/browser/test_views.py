@@ -145,6 +145,26 @@ def test_times_are_compared_in_one_unit(watched: Watched) -> None:
     }
 
 
+def test_texts_count_loops_from_one(watched: Watched) -> None:
+    """What the API counts from 0 people count from 1; a time that begins with 0 stays."""
+    watched.go("#/")
+    found = watched.page.evaluate(
+        """async () => {
+            const { src } = document.querySelector("script[type=module]");
+            const { loopsOf, plain } = await import(src.replace("main.js", "format.js"));
+            const signals = ["A", "B", "C", "D", "E"].map((tag) => ({ tag }));
+            return [plain("Units (from 0) in service."), plain("these from 0.2192 on, from 0 to 1"),
+                    loopsOf([0, 1, 2, 3], signals), loopsOf([0, 4], signals)];
+        }"""
+    )
+    assert found == [
+        "Units counted from 1 in service.",
+        "these from 0.2192 on, from 0 to 1",
+        "A to D",
+        "A, E",
+    ]
+
+
 def test_a_link_opens_a_result_with_its_unit(watched: Watched, tuned: tuple[str, str]) -> None:
     """A link that was copied shows the same result in another browser, in the same unit."""
     watched.go(f"#/tunings/{tuned[1]}?unit=weeks")

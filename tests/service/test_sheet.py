@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from service.schemas.sheet import SheetResult
 from service.sheet.document import FOUND, loop_sheet
 from service.sheet.responses import moves
 from service.tuned import RequestedTuning
+from service.wording import in_symbols
 from solver.model.controllers import Controller
 from solver.simulation.experiment import StepKind
 from solver.tuning.tuner import tune
@@ -172,6 +174,22 @@ def test_an_unmet_demand_stands_first() -> None:
     peak = record.result.peaks.robust_performance.value
     assert first.topic == "demand"
     assert f"{peak:.5g}" in first.text
+
+
+def test_loops_are_called_by_their_tags_everywhere() -> None:
+    """Tags stand in rows and sentences, those of many loops in a row from the first to the last."""
+    signals = [{"tag": f"TIC-{number}"} for number in range(101, 105)]
+    found = loop_sheet(tuned("boilers", changed(instruments=signals)))
+    assert {row.loop for row in found.behaviour} == {"TIC-101 to TIC-104"}
+    assert any("one of TIC-101 to TIC-104 in manual" in risk.text for risk in found.risks)
+    assert not [risk.text for risk in found.risks if re.search(r"\bloops? \d", risk.text)]
+
+
+def test_sentences_of_the_solver_have_symbols_and_units() -> None:
+    """Of tau_P and frequencies the unit is said; a full stop is no digit."""
+    told = "from tau_P = 1.634 on, mu = 1.5 near omega = 2 rad per time unit, not at tau_P = 4."
+    said = "from τP = 1.634 h on, μ = 1.5 near ω = 2 rad/h, not at τP = 4 h."
+    assert in_symbols(told, "h") == said
 
 
 def test_identical_settings_that_would_do_are_named() -> None:

@@ -269,6 +269,8 @@ class StepResponseRequest(ArrangedRequest):
             return None
         for index, row in enumerate(self.distribution):
             if len(row) != len(self.distribution):
-                message = f"row {index} has {len(row)} entries, {len(self.distribution)} are needed"
+                message = (
+                    f"row {index + 1} has {len(row)} entries, {len(self.distribution)} are needed"
+                )
                 raise InvalidInputError(message, f"/distribution/{index}")
         return np.array(self.distribution)

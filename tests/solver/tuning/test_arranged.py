@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import itertools
 import math
+import re
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -66,7 +68,8 @@ def test_best_pairing_is_no_worse_than_any_candidate() -> None:
     values = [tune(replace(task, pairing=each)).tau_p or math.inf for each in candidates]
     assert found.tau_p == min(values)
     if len(candidates) > 1:
-        assert any("Pairings tried" in sentence for sentence in found.advice)
+        [tried] = [sentence for sentence in found.advice if "Pairings tried" in sentence]
+        assert "0" not in re.findall(r"\b\d\b(?!\.)", tried)
 
 
 def test_pairing_of_one_loop() -> None:
@@ -152,9 +155,23 @@ def test_wrong_members_are_refused_by_place(groups: object, field: str) -> None:
 def test_group_of_opposite_gains_is_refused() -> None:
     """Wood and Berry's own gains have opposite signs: no gain of one sign serves both alone."""
     task = replace(TASK, arrangement=Arrangement.GROUPED, groups=((0, 1),))
-    with pytest.raises(InvalidInputError, match="opposite signs"):
+    with pytest.raises(InvalidInputError, match=r"loops 1 and 2 .* opposite signs"):
         tune(task)
     assert tune(replace(task, signs=Signs.ANY, starts=2)).status is not Status.LOCAL
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"groups": ((0,),)}, "loop 2 is in no group"),
+        ({"groups": ((0,), (1, 0))}, "loop 1 is in group 1 already"),
+        ({"groups": ((0,), (2,))}, "the plant has 2 loops"),
+    ],
+)
+def test_messages_count_from_one(changes: dict[str, Any], told: str) -> None:
+    """Loops and groups are called as people call them, whatever the request counts from."""
+    with pytest.raises(InvalidInputError, match=told):
+        replace(TASK, arrangement=Arrangement.GROUPED, **changes)
 
 
 def test_groups_and_sizes_contradict() -> None:
