@@ -33,6 +33,7 @@ from service.http.routes import (
     figures,
     health,
     page,
+    records,
     tables,
     tunings,
     well_known,
@@ -73,7 +74,7 @@ _TAGS = [
 ]
 
 # Resources that need an API key, where the service has keys, and those that never do.
-_FOR_CALLERS = (tunings, batches, batch_results, analyses, figures, tables)
+_FOR_CALLERS = (tunings, batches, batch_results, analyses, records, figures, tables)
 _FOR_EVERYBODY = (controllers, examples, health, page, well_known)
 
 

@@ -23,7 +23,7 @@ function curve(time, values) {
 }
 
 /**
- * @param {(number | null)[]} time @param {import("./csv.js").Column[]} columns
+ * @param {(number | null)[]} time @param {import("./columns.js").Column[]} columns
  * @param {(from: number, to: number) => void} marked
  */
 export function chart(time, columns, marked) {

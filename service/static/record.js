@@ -1,9 +1,9 @@
-/** From a record: plant data as CSV are drawn, marked and fitted, and the plant goes on to tuning. */
+/** From a record: plant data of a file are drawn, marked and fitted, and the plant goes on to tuning. */
 
 import { follow, once, Problem, request } from "./api.js";
 import { answered } from "./answer.js";
 import { chart } from "./chart.js";
-import { columnsOf, roleOf, timeOf } from "./csv.js";
+import { columnsOf, held, kept, roleOf } from "./columns.js";
 import { button, card, h, help, lead, put } from "./dom.js";
 import { newId, segments } from "./fields.js";
 import { namedUnit, setTimeUnit, timeUnit } from "./format.js";
@@ -11,7 +11,7 @@ import { takeFiles } from "./intro.js";
 import { openAs } from "./offers.js";
 import { initial, operation } from "./schema.js";
 
-/** @typedef {import("./csv.js").Column} Column */
+/** @typedef {import("./columns.js").Column} Column */
 
 const KEPT = "mutune.record"; // the record in hand, for as long as the tab is open
 const ROLES = [["none", "not used"], ["input", "input (valve, drive)"], ["output", "output (measured)"]];
@@ -21,42 +21,47 @@ const LEAST = 20; // samples of a part that can check a model
 export async function recordView({ main, signal, go }) {
   const place = h("div", { class: "answer" });
   const problem = h("p", { class: "error", role: "alert" });
-  const show = (name, text) => {
+  const show = async (/** @type {import("./columns.js").Kept} */ read) => {
     problem.textContent = "";
     try {
-      put(place, fitted(name, columnsOf(text), signal, go));
+      put(place, fitted(read.name, await columnsOf(read, signal), signal, go));
     } catch (error) {
-      problem.textContent = `${name} cannot be read: ${/** @type {Error} */ (error).message}`;
+      if (signal.aborted) return;
+      if (!(error instanceof Problem)) throw error;
+      put(place);
+      problem.textContent = told(error);
     }
   };
   const open = async (/** @type {File} */ file) => {
-    const text = await file.text();
+    const read = await kept(file);
     try {
-      sessionStorage.setItem(KEPT, JSON.stringify({ name: file.name, text }));
+      sessionStorage.setItem(KEPT, JSON.stringify(read));
     } catch { /* too large to be kept: it is shown all the same */ }
-    show(file.name, text);
+    await show(read);
   };
-  const file = h("input", { type: "file", accept: ".csv,text/csv", id: "record",
+  const file = h("input", { type: "file", accept: ".csv,.txt,.tsv,.parquet,.pq,text/*", id: "record",
     onchange: ({ target }) => target.files[0] && open(target.files[0]) });
   takeFiles(main, signal, open);
   main.replaceChildren(
-    lead("From a record", h("p", {}, "Step tests or other moves of the inputs, as a CSV file: a column of time, a "
-      + "column for each input and output. What the record cannot tell is said, and which test would.")),
-    h("section", { class: "card" }, h("div", { class: "field" }, h("label", { for: "record" }, "Record, CSV"), file),
-      help("Or drop it here. It stays in this tab until you press the button below."), problem), place);
-  const kept = sessionStorage.getItem(KEPT);
-  if (kept) {
-    const { name, text } = JSON.parse(kept);
-    show(name, text);
-  }
+    lead("From a record", h("p", {}, "Step tests or other moves of the inputs, as a file: a column of time, a "
+      + "column for each input and output; CSV of any form, or Parquet. What the record cannot tell is said, and "
+      + "which test would.")),
+    h("section", { class: "card" },
+      h("div", { class: "field" }, h("label", { for: "record" }, "Record, CSV or Parquet"), file),
+      help("Or drop it here. The service reads it and keeps nothing of it."), problem), place);
+  const before = sessionStorage.getItem(KEPT);
+  if (before) await show(JSON.parse(before));
 }
 
-/** @param {string} name @param {Column[]} columns @param {AbortSignal} signal @param {(hash: string) => void} go */
-function fitted(name, columns, signal, go) {
-  const clock = timeOf(columns);
-  const time = columns[clock].values;
-  const others = columns.filter((_, k) => k !== clock);
-  if (columns[clock].unit) setTimeUnit(columns[clock].unit ?? "");
+/** @param {Problem} problem */
+const told = ({ faults, message }) => (faults.length ? faults.map(({ detail }) => detail).join("; ") : message);
+
+/**
+ * @param {string} name @param {import("./columns.js").Columns} file
+ * @param {AbortSignal} signal @param {(hash: string) => void} go
+ */
+function fitted(name, { time, unit, columns: others, faults }, signal, go) {
+  if (unit) setTimeUnit(unit);
   const [start, end] = [Number(time[0]), Number(time.at(-1))];
   const roles = others.map((column) => {
     const id = newId("f");
@@ -86,10 +91,14 @@ function fitted(name, columns, signal, go) {
   const send = button("Find the model", async () => {
     problem.textContent = "";
     const part = (/** @type {(t: number) => boolean} */ inside) => {
-      const rows = time.map((t, i) => (inside(Number(t)) ? i : -1)).filter((i) => i >= 0);
-      const of = (role) => Object.fromEntries(others.filter((_, k) => roles[k].select.value === role)
-        .map((column) => [column.name, rows.map((i) => column.values[i])]));
-      return { name, time: rows.map((i) => time[i]), inputs: of("input"), outputs: of("output") };
+      const having = (role) => others.filter((_, k) => roles[k].select.value === role);
+      const inputs = having("input").map((column) => ({ ...column, values: held(column.values) }));
+      // A record begins where every input has been read.
+      const begin = Math.max(0, ...inputs.map(({ values }) => values.findIndex((value) => value !== null)));
+      const rows = time.map((t, i) => (inside(t) && i >= begin ? i : -1)).filter((i) => i >= 0);
+      const of = (/** @type {Column[]} */ columns) => Object.fromEntries(columns
+        .map(({ name: column, values }) => [column, rows.map((i) => values[i])]));
+      return { name, time: rows.map((i) => time[i]), inputs: of(inputs), outputs: of(having("output")) };
     };
     const [low, high] = [Number(from.input.value), Number(to.input.value)];
     const records = [part((t) => t >= low && t <= high)];
@@ -112,13 +121,14 @@ function fitted(name, columns, signal, go) {
       if (signal.aborted) return;
       put(outcome);
       if (!(error instanceof Problem)) throw error;
-      problem.textContent = error.faults.length ? error.faults.map(({ detail }) => detail).join("; ") : error.message;
+      problem.textContent = told(error);
     } finally {
       send.disabled = false;
     }
   }, "main");
   return [card(name, help("Drag over the curves to mark the part to use; a click marks all of it."), curves.node,
     h("div", { class: "fields" }, from.node, to.node, roles.map(({ node }) => node)),
+    faults.length > 0 && help(`Not numbers: ${faults.join("; ")}.`),
     alike.node, order.node,
     h("label", { class: "check" }, rest, "Check the model on what comes after the marked part"), problem,
     h("p", {}, send)), outcome];

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-__all__ = ["GAPS", "Style", "is_value", "read_stamps", "style_of"]
+__all__ = ["GAPS", "Style", "is_date", "is_time_of_day", "is_value", "read_stamps", "style_of"]
 
 # What historians and spreadsheets write where there is no reading.
 GAPS = {
@@ -136,6 +136,16 @@ def is_value(cell: str) -> bool:
     if cell.lower() in GAPS or _LOOSE.fullmatch(cell):
         return True
     return any(_stamp(cell, form) is not None for form in _FORMS)
+
+
+def is_date(cell: str) -> bool:
+    """Whether a cell is a date without a time of the day."""
+    return any(_day(cell, form) is not None for form in _DATES)
+
+
+def is_time_of_day(cell: str) -> bool:
+    """Whether a cell is a time of the day without a date."""
+    return _stamp(cell, "") is not None
 
 
 def read_stamps(cells: Sequence[str]) -> NDArray[np.float64] | int | None:

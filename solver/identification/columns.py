@@ -10,17 +10,23 @@ from solver.model.errors import InvalidInputError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-__all__ = ["MOST_SHOWN", "clock_of", "place_of"]
+__all__ = ["MOST_SHOWN", "clock_of", "place_of", "split_unit"]
 
 MOST_SHOWN = 40  # columns that a message lists
 
-_UNIT = re.compile(r"\s*[(\[][^)\]]*[)\]]\s*$")
+_UNIT = re.compile(r"\s*[(\[]([^)\]]*)[)\]]\s*$")
 
 
 _CLOCKS = {
     "time", "t", "timestamp", "time stamp", "date", "datetime", "date time", "date/time", "clock",
     "seconds", "elapsed", "elapsed time", "zeit", "zeitstempel", "uhrzeit", "datum", "temps", "sec",
 }  # fmt: skip
+
+
+def split_unit(head: str) -> tuple[str, str | None]:
+    """Return the name and the unit that a head tells."""
+    found = _UNIT.search(head)
+    return (_UNIT.sub("", head), found[1].strip() or None) if found else (head, None)
 
 
 def clock_of(heads: Sequence[str], wanted: str | None, signals: Sequence[int], file: str) -> int:

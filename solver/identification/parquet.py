@@ -2,29 +2,37 @@
 
 from __future__ import annotations
 
+from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from solver.identification.columns import clock_of, place_of
+from solver.identification.record import MAX_SAMPLES
 from solver.model.errors import InvalidInputError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from pathlib import Path
 
     from numpy.typing import NDArray
 
-__all__ = ["heads_of", "read_columns"]
+__all__ = ["heads_of", "read_columns", "stamped"]
 
 
-def heads_of(path: Path) -> list[str]:
+def heads_of(raw: bytes, name: str) -> list[str]:
     """Return the names of the columns.
+
+    Parameters
+    ----------
+    raw : bytes
+        What the file holds.
+    name : str
+        Of the file, for messages.
 
     Raises
     ------
     InvalidInputError
-        pyarrow is missing, or the file is no Parquet.
+        pyarrow is missing, the file is no Parquet, or holds more samples than a record may.
 
     """
     try:
@@ -34,14 +42,20 @@ def heads_of(path: Path) -> list[str]:
         message = 'Parquet needs pyarrow: pip install "mutune[parquet]"'
         raise InvalidInputError(message) from None
     try:
-        return list(pq.read_schema(path).names)
+        # A small file may hold any number of samples.
+        told = pq.read_metadata(BytesIO(raw))
+        heads = list(pq.read_schema(BytesIO(raw)).names)
     except pa.ArrowException as error:
-        message = f"{path.name}: {error}"
+        message = f"{name}: {error}"
         raise InvalidInputError(message) from None
+    if told.num_rows > MAX_SAMPLES:
+        message = f"{name} has {told.num_rows} samples; a record has up to {MAX_SAMPLES}"
+        raise InvalidInputError(message)
+    return heads
 
 
 def read_columns(
-    path: Path, time: str | None, signals: Sequence[str]
+    raw: bytes, file: str, time: str | None, signals: Sequence[str]
 ) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float64]]]:
     """Return times and the named signals; nulls are NaN, time stamps seconds from the first.
 
@@ -51,24 +65,32 @@ def read_columns(
         pyarrow is missing, the file is no Parquet, a column is not there, twice, or no numbers.
 
     """
-    heads = heads_of(path)
+    heads = heads_of(raw, file)
     import pyarrow as pa  # noqa: PLC0415 - an extra, and it is there
     import pyarrow.parquet as pq  # noqa: PLC0415
 
-    places = {name: place_of(heads, name, path.name) for name in signals}
-    clock = clock_of(heads, time, list(places.values()), path.name)
+    places = {name: place_of(heads, name, file) for name in signals}
+    clock = clock_of(heads, time, list(places.values()), file)
     # By place: two columns of one name are one to pyarrow.
     wanted = [heads[place] for place in (clock, *places.values())]
     try:
-        table = pq.ParquetFile(path).read(columns=wanted)
+        table = pq.ParquetFile(BytesIO(raw)).read(columns=wanted)
     except pa.ArrowException as error:
-        message = f"{path.name}: {error}"
+        message = f"{file}: {error}"
         raise InvalidInputError(message) from None
-    times = _numbers(table.column(heads[clock]), path.name, heads[clock], stamps=True)
+    times = _numbers(table.column(heads[clock]), file, heads[clock], stamps=True)
     return times, {
-        name: _numbers(table.column(heads[place]), path.name, name, stamps=False)
+        name: _numbers(table.column(heads[place]), file, name, stamps=False)
         for name, place in places.items()
     }
+
+
+def stamped(raw: bytes, head: str) -> bool:
+    """Whether a column of a file that has been read has time stamps."""
+    import pyarrow as pa  # noqa: PLC0415
+    import pyarrow.parquet as pq  # noqa: PLC0415
+
+    return bool(pa.types.is_timestamp(pq.read_schema(BytesIO(raw)).field(head).type))
 
 
 def _numbers(column: Any, file: str, name: str, *, stamps: bool) -> NDArray[np.float64]:  # noqa: ANN401 - pyarrow has no types

@@ -1,179 +1,80 @@
-"""Records from files of columns: text with any delimiter, decimal point or comma, time stamps.
-
-Python's `csv` splits the lines; errors name file, line and column.
-"""
+"""Records from files of columns: text with any delimiter, decimal point or comma, time stamps."""
 
 from __future__ import annotations
 
-import csv
-import re
-from collections import Counter
-from io import StringIO
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from pathlib import PurePath
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from solver.identification.cells import GAPS, Style, is_value, read_stamps, style_of
-from solver.identification.columns import clock_of, place_of
-from solver.identification.parquet import heads_of, read_columns
-from solver.identification.record import Record
+from solver.identification import parquet
+from solver.identification.columns import clock_of, place_of, split_unit
+from solver.identification.record import MAX_SIGNALS, Record, checked_times
+from solver.identification.table import Table
 from solver.model.errors import InvalidInputError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
 
     from numpy.typing import NDArray
 
-__all__ = ["column_names", "read_record"]
+__all__ = ["Column", "Columns", "column_names", "read_record", "read_table"]
 
-_DELIMITERS = ";\t|,"  # a comma last: it may be the decimal sign of the others
-_SPACES = " "  # any run of them
-_LOOKED_AT = 50
+_T = TypeVar("_T")
 _PARQUET = {".parquet", ".pq"}
-_SEPARATOR = re.compile(r"sep=(.)\r?\n", re.IGNORECASE)  # a spreadsheet's first line
-LARGE = 1e9  # times beyond are counted from the first: seconds and milliseconds since 1970
 # Of the samples that may go before every input has been read for the first time.
 BEFORE = 0.1
+# Of a file that is read whole, to be looked at.
+MOST_COLUMNS = 2 * MAX_SIGNALS + 1
+MOST_CELLS = 2_000_000
 
 
-class _Table:
-    """The cells of a file, and where each line stands in it."""
+@dataclass(frozen=True, eq=False)
+class Column:
+    """A column of a file.
 
-    def __init__(self, path: Path) -> None:
-        self.name = path.name
-        raw = path.read_bytes()
-        if b"\0" in raw[:4096] and not raw.startswith((b"\xff\xfe", b"\xfe\xff")):
-            message = f"{self.name} is no text: export it as CSV"
-            raise InvalidInputError(message)
-        text = _decoded(raw)
-        told = _SEPARATOR.match(text)
-        self.delimiter = told[1] if told else _delimiter(text)
-        self.lines: list[int] = []
-        self.rows: list[list[str]] = []
-        self._split(text)
-        if told:
-            self._drop_first()
-        if not self.rows:
-            message = f"{self.name} is empty"
-            raise InvalidInputError(message)
-        self.heads = self._take_heads()
-        if not self.rows:
-            message = f"{self.name} has heads and no samples"
-            raise InvalidInputError(message)
-        width = len(self.heads)
-        for line, row in zip(self.lines, self.rows, strict=True):
-            # Some loggers end each line with a delimiter.
-            if len(row) < width or any(row[width:]):
-                cells = f"{len(row)} cell{'s' * (len(row) != 1)}"
-                message = f"{self.name}, line {line}: {cells}, {width} are needed"
-                raise InvalidInputError(message)
+    Attributes
+    ----------
+    name : str
+        Its head without the unit; with its number where another column has the same.
+    unit : str or None
+        What the head, or the line below, says.
+    values : (k,) ndarray or None
+        Its numbers, gaps being NaN; None where it has none or a cell is none.
+    fault : str or None
+        Why it has no values.
 
-    def _split(self, text: str) -> None:
-        if self.delimiter == _SPACES:
-            text = "\n".join(" ".join(line.split()) for line in text.splitlines())
-        reader = csv.reader(StringIO(text, newline=""), delimiter=self.delimiter)
-        try:
-            for cells in reader:
-                if any(cell.strip() for cell in cells) and not cells[0].lstrip().startswith("#"):
-                    self.lines.append(reader.line_num)
-                    self.rows.append([cell.strip() for cell in cells])
-        except csv.Error as error:
-            message = f"{self.name}, line {reader.line_num}: {error}"
-            raise InvalidInputError(message) from None
+    """
 
-    def _drop_first(self) -> None:
-        self.rows.pop(0)
-        self.lines.pop(0)
+    name: str
+    unit: str | None
+    values: NDArray[np.float64] | None
+    fault: str | None
 
-    def _take_heads(self) -> list[str]:
-        # Titles above the heads have fewer cells than the table.
-        widths = Counter(_width(row) for row in self.rows[:_LOOKED_AT])
-        usual = widths.most_common(1)[0][0]
-        for index, row in enumerate(self.rows[:_LOOKED_AT]):
-            if all(map(is_value, row)):
-                break
-            if _width(row) >= usual:
-                for _ in range(index):
-                    self._drop_first()
-                break
-        first = self.rows[0]
-        if all(map(is_value, first)):
-            return [str(index + 1) for index in range(len(first))]
-        heads = self.rows[0]
-        self._drop_first()
-        # A second line of words is one of units.
-        while self.rows and not any(is_value(cell) for cell in self.rows[0] if cell):
-            self._drop_first()
-        while heads and not heads[-1]:
-            heads.pop()
-        return heads
 
-    def column(self, place: int) -> list[str]:
-        """Return the cells of a column."""
-        return [row[place] for row in self.rows]
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """A file read whole.
 
-    def styles(self, places: Sequence[int]) -> list[Style]:
-        """Return how columns write their numbers."""
-        columns = [self.column(place) for place in places]
-        return style_of(columns, parted_by_commas=self.delimiter == ",")
+    Attributes
+    ----------
+    clock : str
+        Head of the column of times.
+    unit : str or None
+        Of the times; "s" of time stamps.
+    time : (k,) ndarray
+        Increasing.
+    columns : tuple of Column
+        The others.
 
-    def numbers(self, place: int, style: Style) -> NDArray[np.float64]:
-        """Return a column of numbers; gaps are NaN."""
-        values = np.empty(len(self.rows))
-        comma = style.decimal == ","
-        for index, row in enumerate(self.rows):
-            cell = row[place]
-            try:
-                if comma and "." in cell:
-                    values[index] = style.number(cell)
-                else:
-                    values[index] = float(cell.replace(",", ".") if comma else cell)
-            except ValueError:
-                values[index] = self._odd(cell, style, index, place)
-        return values
+    """
 
-    def times(self, place: int, style: Style) -> NDArray[np.float64]:
-        """Return a column of times: numbers, or time stamps in seconds from the first."""
-        cells = self.column(place)
-        stamped = not _is_number(cells[0], style) or re.fullmatch(r"(19|20)\d{12}", cells[0])
-        if stamped and cells[0].lower() not in GAPS:
-            found = read_stamps(cells)
-            if found is None:
-                message = (
-                    f"{self._where(0, place)}: {cells[0]!r} may be read with day or month first, "
-                    "and the times differ: write 2026-01-31 13:45:00"
-                )
-                raise InvalidInputError(message)
-            if not isinstance(found, int):
-                return found
-            index = found
-        else:
-            values = self.numbers(place, style)
-            bad = ~np.isfinite(values)
-            if not np.any(bad):
-                return np.asarray(values - values[0] if abs(values[0]) > LARGE else values)
-            index = int(np.argmax(bad))
-        message = (
-            f"{self._where(index, place)}: {cells[index]!r} is no time "
-            "(numbers, 2026-01-31 13:45:00, 31.01.2026 13:45:00 or 1/31/2026 1:45:00 PM)"
-        )
-        raise InvalidInputError(message)
-
-    def _odd(self, cell: str, style: Style, index: int, place: int) -> float:
-        try:
-            return style.number(cell)
-        except ValueError:
-            message = f"{self._where(index, place)}: {cell!r} is no number"
-            if style.open and "," in cell:
-                message += (
-                    " where commas part the cells, or thousands: write decimal points and no "
-                    "thousands, or part by semicolons"
-                )
-            raise InvalidInputError(message) from None
-
-    def _where(self, index: int, place: int) -> str:
-        return f"{self.name}, line {self.lines[index]}, column {self.heads[place]!r}"
+    clock: str
+    unit: str | None
+    time: NDArray[np.float64]
+    columns: tuple[Column, ...]
 
 
 def column_names(path: Path) -> list[str]:
@@ -185,7 +86,8 @@ def column_names(path: Path) -> list[str]:
         A file that is no table.
 
     """
-    return heads_of(path) if path.suffix.lower() in _PARQUET else _Table(path).heads
+    raw = path.read_bytes()
+    return parquet.heads_of(raw, path.name) if _is_parquet(path) else Table(raw, path.name).heads
 
 
 def read_record(
@@ -205,7 +107,8 @@ def read_record(
         numbers from 1.
     time : str or None
         The same of the times. Time stamps become seconds. None: the column that is called time,
-        date or the like, else the first that is no signal.
+        date or the like, else the first that is no signal. Times of the day beside a column of
+        dates belong to them.
 
     Raises
     ------
@@ -219,12 +122,12 @@ def read_record(
         if wanted.count(name) > 1:
             message = f"{name!r} is named twice"
             raise InvalidInputError(message)
-    signals = [*inputs, *outputs]
+    signals, raw = [*inputs, *outputs], path.read_bytes()
     table = None
-    if path.suffix.lower() in _PARQUET:
-        times, columns = read_columns(path, time, signals)
+    if _is_parquet(path):
+        times, columns = parquet.read_columns(raw, path.name, time, signals)
     else:
-        table = _Table(path)
+        table = Table(raw, path.name)
         places = [place_of(table.heads, name, table.name) for name in signals]
         clock = clock_of(table.heads, time, places, table.name)
         first, *styles = table.styles([clock, *places])
@@ -233,36 +136,138 @@ def read_record(
             name: table.numbers(place, style)
             for name, place, style in zip(signals, places, styles, strict=True)
         }
-    rows = _used(times, columns, inputs)
-    try:
-        return Record.with_gaps(
-            times[rows],
-            {name: columns[name][rows] for name in inputs},
-            {name: columns[name][rows] for name in outputs},
-            path.stem,
-        )
-    except InvalidInputError as error:
-        message = f"{path.name}{_place(error.field, table, rows)}: {error.message}"
-        raise InvalidInputError(message) from None
+    rows = _in_order(times, columns)
+    known = [np.flatnonzero(~np.isnan(columns[name][rows])) for name in inputs]
+    begin = max((int(at[0]) for at in known if at.size), default=0)
+    if begin <= BEFORE * rows.size:
+        rows = rows[begin:]
+    return _named(path.name, table, rows, lambda: Record.with_gaps(
+        times[rows],
+        {name: columns[name][rows] for name in inputs},
+        {name: columns[name][rows] for name in outputs},
+        path.stem,
+    ))  # fmt: skip
 
 
-def _used(
-    times: NDArray[np.float64], columns: dict[str, NDArray[np.float64]], inputs: Sequence[str]
+def read_table(raw: bytes, name: str) -> Columns:
+    """Return all columns of a file, to see which are signals; read as `read_record` reads them.
+
+    Parameters
+    ----------
+    raw : bytes
+        What the file holds.
+    name : str
+        Of the file: its end tells Parquet from text.
+
+    Raises
+    ------
+    InvalidInputError
+        The file is no table, too large to be looked at, or its times are none.
+
+    """
+    if _is_parquet(PurePath(name)):
+        table, heads, units = None, parquet.heads_of(raw, name), []
+    else:
+        table = Table(raw, name)
+        heads, units = table.heads, table.units
+    if len(heads) > MOST_COLUMNS:
+        message = f"{name} has {len(heads)} columns, up to {MOST_COLUMNS} can be looked at"
+        raise InvalidInputError(message)
+    clock = clock_of(heads, None, [], name)
+    beside = None
+    if table is None:
+        (times, stamped), columns = _of_parquet(raw, name, heads, clock)
+    else:
+        beside = table.clock_beside(clock)
+        (times, stamped), columns = _of_text(table, clock, beside)
+    rows = _in_order(times, {str(k): c for k, c in columns.items() if not isinstance(c, str)})
+    _named(name, table, rows, lambda: checked_times(times[rows]))
+    split = [split_unit(head) for head in heads]
+    names = [one for one, _ in split]
+
+    def unit(place: int) -> str | None:
+        return split[place][1] or next(iter(units[place : place + 1]), None) or None
+
+    told = []
+    for place, one in enumerate(names):
+        if place in {clock, beside}:
+            continue
+        own = one if names.count(one) == 1 else f"{one} (column {place + 1})"
+        values = columns[place]
+        if isinstance(values, str):
+            told.append(Column(own, unit(place), None, values))
+        else:
+            told.append(Column(own, unit(place), values[rows], None))
+    return Columns(heads[clock], "s" if stamped else unit(clock), times[rows], tuple(told))
+
+
+_Found = tuple[tuple["NDArray[np.float64]", bool], "dict[int, NDArray[np.float64] | str]"]
+
+
+def _of_text(table: Table, clock: int, beside: int | None) -> _Found:
+    """Return times, whether they are stamps, and each other column or why it is none."""
+    places = [place for place in range(len(table.heads)) if place not in {clock, beside}]
+    first, *styles = table.styles([clock, *places])
+    columns: dict[int, NDArray[np.float64] | str] = {}
+    for place, style in zip(places, styles, strict=True):
+        try:
+            values = table.numbers(place, style)
+        except InvalidInputError as error:
+            columns[place] = error.message
+        else:
+            columns[place] = values if np.any(np.isfinite(values)) else "no reading at all"
+    return (table.times(clock, first), table.stamped(clock, first)), columns
+
+
+def _of_parquet(raw: bytes, name: str, heads: list[str], clock: int) -> _Found:
+    times, _ = parquet.read_columns(raw, name, heads[clock], [])
+    if times.size * len(heads) > MOST_CELLS:
+        message = f"{name} has {times.size * len(heads)} cells, up to {MOST_CELLS} can be looked at"
+        raise InvalidInputError(message)
+    columns: dict[int, NDArray[np.float64] | str] = {}
+    for place, head in enumerate(heads):
+        if place != clock:
+            try:
+                columns[place] = parquet.read_columns(raw, name, heads[clock], [head])[1][head]
+            except InvalidInputError as error:
+                columns[place] = error.message
+    return (times, parquet.stamped(raw, heads[clock])), columns
+
+
+def _is_parquet(path: PurePath) -> bool:
+    return path.suffix.lower() in _PARQUET
+
+
+def _in_order(
+    times: NDArray[np.float64], columns: Mapping[str, NDArray[np.float64]]
 ) -> NDArray[np.intp]:
-    """Return the rows of the record in the order of time."""
+    """Return the rows in the order of time, those that are there twice once."""
     rows = np.arange(times.size)
     if times.size > 1 and np.all(np.diff(times) <= 0):
         rows = rows[::-1]
     values = np.stack([times, *columns.values()])[:, rows]
     again = np.all((values[:, 1:] == values[:, :-1]) | np.isnan(values[:, 1:] + values[:, :-1]),
                    axis=0)  # fmt: skip
-    rows = rows[np.r_[True, ~again]]
-    known = [np.flatnonzero(~np.isnan(columns[name][rows])) for name in inputs]
-    begin = max((int(at[0]) for at in known if at.size), default=0)
-    return rows[begin:] if begin <= BEFORE * rows.size else rows
+    return rows[np.r_[True, ~again]]
 
 
-def _place(field: str, table: _Table | None, rows: NDArray[np.intp]) -> str:
+def _named(name: str, table: Table | None, rows: NDArray[np.intp], build: Callable[[], _T]) -> _T:
+    """Return what `build` does; faults tell where in the file the sample stands.
+
+    Raises
+    ------
+    InvalidInputError
+        Of `build`, with file, line and column.
+
+    """
+    try:
+        return build()
+    except InvalidInputError as error:
+        message = f"{name}{_place(error.field, table, rows)}: {error.message}"
+        raise InvalidInputError(message) from None
+
+
+def _place(field: str, table: Table | None, rows: NDArray[np.intp]) -> str:
     """Return where the sample that a fault names stands in the file."""
     parts = field.split("/")
     column = f", column {parts[2]!r}" if parts[1:2] in (["inputs"], ["outputs"]) else ""
@@ -270,44 +275,3 @@ def _place(field: str, table: _Table | None, rows: NDArray[np.intp]) -> str:
         return column
     row = int(rows[int(parts[-1])])
     return f", row {row + 1}{column}" if table is None else f", line {table.lines[row]}{column}"
-
-
-def _decoded(raw: bytes) -> str:
-    if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
-        return raw.decode("utf-16")
-    try:
-        return raw.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        return raw.decode("latin-1")  # of degrees and micro signs; every byte is a letter there
-
-
-def _delimiter(text: str) -> str:
-    lines = [line for line in text.splitlines()[:_LOOKED_AT] if line.strip() and line[0] != "#"]
-    best = (0, _SPACES)
-    for delimiter in _DELIMITERS:
-        counts = [line.count(delimiter) for line in lines]
-        if counts and min(counts) > 0 and counts.count(counts[-1]) > len(counts) / 2:
-            best = (1, delimiter)
-            break
-        if any(counts):
-            best = max(best, (sum(counts), delimiter))
-    return _SPACES if best[1] == "," and _spaced(lines[-1]) else best[1]
-
-
-def _spaced(line: str) -> bool:
-    """Whether a line of decimal commas is parted by spaces."""
-    cells = line.split()
-    return len(cells) > 1 and all(map(is_value, cells)) and not all(map(is_value, line.split(",")))
-
-
-def _width(row: list[str]) -> int:
-    """Return the number of cells, empty ones at the end aside."""
-    return max((index + 1 for index, cell in enumerate(row) if cell), default=0)
-
-
-def _is_number(cell: str, style: Style) -> bool:
-    try:
-        style.number(cell)
-    except ValueError:
-        return False
-    return True

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["MAX_SAMPLES", "MAX_SIGNALS", "Record", "same_signals"]
+__all__ = ["MAX_SAMPLES", "MAX_SIGNALS", "Record", "checked_times", "same_signals"]
 
 MAX_SAMPLES = 1_000_000
 MAX_SIGNALS = 300  # inputs or outputs of one record
@@ -110,7 +110,7 @@ class Record:
         *,
         gaps: bool,
     ) -> None:
-        times = _time(time)
+        times = checked_times(time)
         instance(name, str, "/name")
         for kind, signals in (("inputs", inputs), ("outputs", outputs)):
             instance(signals, Mapping, f"/{kind}")
@@ -175,7 +175,15 @@ def same_signals(records: Sequence[Record]) -> tuple[tuple[str, ...], tuple[str,
     return tuple(first.inputs), tuple(first.outputs)
 
 
-def _time(time: ArrayLike) -> NDArray[np.float64]:
+def checked_times(time: ArrayLike) -> NDArray[np.float64]:
+    """Return the times of a record's samples, (k,).
+
+    Raises
+    ------
+    InvalidInputError
+        Not finite, standing still, going backwards, too few or too many.
+
+    """
     times = _numbers(time, "/time")
     if not LEAST_SAMPLES <= times.size <= MAX_SAMPLES:
         message = f"a record has {LEAST_SAMPLES}..{MAX_SAMPLES} samples"

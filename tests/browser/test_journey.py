@@ -433,7 +433,9 @@ def test_from_a_record_to_settings(watched: Watched) -> None:
     """A step test as CSV is drawn, marked and fitted, and its model tuned."""
     page = watched.page
     watched.go("#/record")
-    page.get_by_label("Record, CSV").set_input_files(ROOT / "examples" / "two_heaters_steps.csv")
+    page.get_by_label("Record, CSV or Parquet").set_input_files(
+        ROOT / "examples" / "two_heaters_steps.csv"
+    )
     expect(page.locator(".curve")).to_have_count(4)
     expect(page.get_by_label("Heater 2")).to_have_value("input")
     expect(page.get_by_label("Temperature 2")).to_have_value("output")
@@ -466,8 +468,9 @@ def test_from_a_record_to_settings(watched: Watched) -> None:
 def test_a_file_that_is_no_record_is_refused(watched: Watched, tmp_path: Path) -> None:
     """A file without numbers says so, and the view stays usable."""
     page = watched.page
+    watched.permit("status of 422")
     watched.go("#/record")
     empty = tmp_path / "empty.csv"
     empty.write_text("time,u,y\n")
-    page.get_by_label("Record, CSV").set_input_files(empty)
-    expect(page.get_by_role("alert").first).to_contain_text("There are no rows of numbers.")
+    page.get_by_label("Record, CSV or Parquet").set_input_files(empty)
+    expect(page.get_by_role("alert").first).to_contain_text("empty.csv has heads and no samples")
