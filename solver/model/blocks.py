@@ -180,12 +180,17 @@ class LoopBlocks:
             return (G,)
         interaction = self.plant.interaction(s) if self.plant.n > 1 else np.zeros(s.shape)
         difference = np.asarray(self.plant.process(s) - interaction)
-        sizes = np.sqrt([len(part) for part in self.parts])
-        mean = difference[:, None, None] * np.eye(sizes.size) + np.asarray(interaction)[
-            :, None, None
-        ] * (sizes[:, None] * sizes * self.ratios)
         single = difference[:, None, None]
+        mean = single * np.eye(len(self.parts)) + np.asarray(interaction)[:, None, None] * (
+            self._coupling
+        )
         return (mean, *(single for _ in self.blocks[1:]))
+
+    @cached_property
+    def _coupling(self) -> NDArray[np.float64]:
+        """Of the means of the parts of a parallel plant, in units of its interaction, (m, m)."""
+        sizes = np.sqrt([len(part) for part in self.parts])
+        return np.asarray(sizes[:, None] * sizes * self.ratios)
 
     @cached_property
     def modes(self) -> tuple[Mode, ...]:
@@ -250,6 +255,9 @@ class LoopBlocks:
 
     def squared(self, uncertainty: Uncertainty, omega: ArrayLike) -> NDArray[np.float64]:
         """Return the square of the weight of each row's magnitude, (k, rows)."""
+        if uncertainty.outputs is None and not uncertainty.unlike_inputs:
+            size = np.abs(uncertainty.weights[0].response(omega)) ** 2
+            return np.repeat(size[:, None], self.layout.channels.size, axis=1)
         return np.ascontiguousarray(np.abs(self.responses(uncertainty, omega)) ** 2)
 
     @cached_property
@@ -457,6 +465,8 @@ def marks(
     uncertainty: Uncertainty | None, output_scale: Sequence[float] | None
 ) -> Callable[[int], Hashable]:
     """Return what tells a unit from others of a parallel plant: its errors, as a key."""
+    if output_scale is None and (uncertainty is None or not uncertainty.unlike_units):
+        return lambda _: None  # of a thousand units too
 
     def of(unit: int) -> Hashable:
         return (

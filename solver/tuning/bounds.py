@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from solver.model.plants import Plant
+    from solver.model.transfer_function import TransferFunction
     from solver.tuning.groupings import Groups
     from solver.tuning.specification import Specification
 
@@ -82,8 +83,11 @@ def search_region(specification: Specification, groups: Groups) -> Region:
         1e-2 * bends[0], 1e2 * bends[-1],
         math.ceil(PER_DECADE * math.log10(1e4 * bends[-1] / bends[0])),
     )  # fmt: skip
+    weight_of = specification.uncertainty.weight_of
     own_permitted = {
-        group[0]: max(_permitted_crossover(specification, omega, unit) for unit in group)
+        group[0]: max(
+            _permitted_crossover(plant, weight, omega) for weight in set(map(weight_of, group))
+        )
         for group in groups
     }
     permitted = max(own_permitted.values())
@@ -132,13 +136,11 @@ def search_region(specification: Specification, groups: Groups) -> Region:
 
 
 def _permitted_crossover(
-    specification: Specification, omega: NDArray[np.float64], unit: int
+    plant: Plant, weight: TransferFunction, omega: NDArray[np.float64]
 ) -> float:
-    """Return the lowest frequency where |w_I| of a unit reaches 1 or a dead time turns a radian."""
-    weight = specification.uncertainty.weight_of(unit)
+    """Return the lowest frequency where a weight |w_I| reaches 1 or a dead time turns a radian."""
     too_uncertain = np.abs(weight.response(omega)) >= 1
     permitted = float(omega[too_uncertain][0]) if too_uncertain.any() else float(omega[-1]) / 10
-    plant = specification.plant
     # What comes late from other units keeps no loop from being fast.
     delay = max(plant.element(units[0], units[0]).dead_time for units in plant.kinds)
     return min(permitted, 1 / delay) if delay > 0 else permitted

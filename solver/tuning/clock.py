@@ -53,6 +53,7 @@ class Clock:
         self.total = 0
         self._last = -math.inf
         self._fraction = 0.0
+        self._offered: Callable[[], float] | None = None
 
     @property
     def elapsed(self) -> float:
@@ -69,15 +70,24 @@ class Clock:
         """Let every tick from now on raise `OutOfTimeError`."""
         self.stopped = True
 
+    def offer(self, value: Callable[[], float]) -> None:
+        """Have a value s at hand that is worked out when it is to be told; infinite: there is none.
+
+        It takes the place of what was offered before.
+        """
+        self._offered = value
+
     def tick(self, value: float = math.inf) -> None:
         """Take note of a value s; raises `OutOfTimeError` when the limit has passed."""
         now = self.elapsed
-        if math.isfinite(value):
-            self.best = min(self.best, self.as_objective(value))
+        self._note(value)
         if self.stopped or (self.limit is not None and now > self.limit):
             raise OutOfTimeError
         if self.progress is not None and now - self._last > PROGRESS_INTERVAL:
             self._last = now
+            offered, self._offered = self._offered, None
+            if offered is not None:
+                self._note(offered())
             best = self.best if math.isfinite(self.best) else None
             # More searches may come up on the way; progress never falls.
             self._fraction = max(self._fraction, min(self.done / max(self.total, 1), 1.0))
@@ -85,3 +95,7 @@ class Clock:
             if self.progress(Progress(self._fraction, best, self.done, total)):
                 self.stopped = True
                 raise OutOfTimeError
+
+    def _note(self, value: float) -> None:
+        if math.isfinite(value):
+            self.best = min(self.best, self.as_objective(value))

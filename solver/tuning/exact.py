@@ -35,6 +35,7 @@ WEAKEST = 1e-12  # gain of a direction over that of the strongest one
 FAR_FROM_ACTIVE = 1.0  # excess below which no peak of a loop is followed
 FIRST_ZOOMS = 2  # rounds of zooming before a peak is followed
 ROUNDS = 10
+UNMOVED = 1e-6  # change of s that moves a peak by as little, and its value by the square of that
 
 
 @dataclass(frozen=True)
@@ -77,7 +78,7 @@ class ExactDescent:
         """
         parts = self.objective.parts
         omega = [part.omega for part in parts]
-        seen = self.objective.evaluate(theta).parts
+        seen = self.objective.evaluate(theta).of_each
         peaks = [self._peaks_between(*both) for both in zip(parts, seen, strict=True)]
         enough = max(tolerance, SETTLED)
         best: Candidate | None = None
@@ -102,7 +103,7 @@ class ExactDescent:
                 break
             # Some peak was not followed, or is a kink, which no parabola meets: follow it from now
             # on, and hold it at its place too.
-            for index, (part, own) in enumerate(zip(parts, here.parts, strict=True)):
+            for index, (part, own) in enumerate(zip(parts, here.of_each, strict=True)):
                 missed = self._missed(part, own, omega[index], candidate.peaks[index])
                 far = np.abs(np.log(missed[:, None] / own.peaks)) > BESIDE
                 peaks[index] = np.append(own.peaks, missed[far.all(axis=1)])
@@ -151,23 +152,28 @@ class ExactDescent:
     def measure(self, theta: NDArray[np.float64], s: float) -> Candidate:
         """Return the exact value of given parameters near `s`, by refining every peak."""
         axes = [_axis(part, theta) for part in self.objective.parts]
+        levels = [
+            part.levels(theta, omega)
+            for part, omega in zip(self.objective.parts, axes, strict=True)
+        ]
         missed = []
         for _ in range(2):  # the peaks of the demand's excess move little with s
-            found, worst, values = [], -math.inf, []
-            for part, omega in zip(self.objective.parts, axes, strict=True):
+            found, worst, values, before = [], -math.inf, [], s
+            for part, omega, level in zip(self.objective.parts, axes, levels, strict=True):
 
                 def excess(
                     points: NDArray[np.float64], part: LoopObjective = part, at: float = s
                 ) -> NDArray[np.float64]:
                     return part.goal.demand(at, points)[0] - part.levels(theta, points)
 
-                peaks, missing = local_peaks(excess, omega, excess(omega))
+                shown = part.goal.demand(s, omega)[0] - level
+                peaks, missing = local_peaks(excess, omega, shown)
                 found.append(peaks)
                 worst = max(worst, float(missing.max()))
                 values.append(float(_attained(part, theta, peaks).max()))
             missed.append(worst)
             s = max(values)
-            if not math.isfinite(s):
+            if not math.isfinite(s) or abs(s - before) < UNMOVED:
                 break
         return Candidate(theta, s, tuple(found), missed[0])
 

@@ -61,7 +61,7 @@ class Box:
 
     def clip(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return a point inside: the nearest one of the bounds, moved below the planes."""
-        inside = np.clip(theta, self.low, self.high)
+        inside = np.minimum(np.maximum(theta, self.low), self.high)
         if self.rows is None or self.limits is None:
             return inside
         for _ in range(PROJECTIONS):

@@ -10,11 +10,13 @@ Lind 1974): along the gradient of the curve that gives way first, turned at each
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from solver.model.frequencies import grid
+from solver.model.peaks import tops
 from solver.tuning.beside import SettingMove, SettingRange, SettingsTolerance
 from solver.tuning.goals import MuGoal
 from solver.tuning.specification import Objective
@@ -42,6 +44,7 @@ LOWER = 0.95  # of all gains
 NU = 1e-6  # barrier parameter: mu right to about as much
 FIRST_TO_GIVE = 3  # curves whose gradients are tried as directions
 APART = 0.2  # log omega between them
+BESIDE = np.arange(-5, 6)  # points of the fine grid around a maximum, one of the search's in all
 
 
 def tolerance(
@@ -66,14 +69,12 @@ def tolerance(
     limit = 2 * math.log(level)
     names = objective.kind.parameters
 
-    def excess(move: NDArray[np.float64]) -> float:
-        return judged.evaluate(theta + move).value - limit
-
+    near = _Near(judged, _fewer(search, judged, theta), theta, limit)
     ranges = []
     for index, sign in _signs(objective):
         value = sign * math.exp(theta[index])
         axis = np.eye(theta.size)[index]
-        ends = [_distance(excess, way * axis) for way in (-1, 1)]
+        ends = [near.distance(way * axis) for way in (-1, 1)]
         low, high = (
             None if end is None else sign * math.exp(theta[index] + way * end)
             for way, end in zip((-1, 1), ends, strict=True)
@@ -88,7 +89,7 @@ def tolerance(
         tau_p=longer,
         mu=level,
         alone=tuple(ranges),
-        together=_together(judged, theta, excess),
+        together=_together(near),
         lower_gains=math.exp(s / 2) if math.isfinite(s) else None,
     )
 
@@ -105,6 +106,44 @@ def _signs(objective: Together) -> list[tuple[int, float]]:
     per = objective.per_controller
     count = per * objective.signs.size
     return [(i, float(objective.signs[i // per]) if i % per == 0 else 1.0) for i in range(count)]
+
+
+def _fewer(search: GroupingSearch, fine: Together, theta: NDArray[np.float64]) -> Together:
+    """Return a fine objective with what is near its maxima at `theta`, and of the rest the grid."""
+    here = fine.evaluate(theta).of_each
+    kept = []
+    for part, own, at_first in zip(fine.parts, here, search.objective.parts, strict=True):
+        top = np.flatnonzero(tops(-own.level))
+        near = np.unique(np.clip(top[:, None] + BESIDE, 0, part.omega.size - 1))
+        kept.append(np.union1d(part.omega[near], at_first.omega))
+    return fine.at(kept, [np.empty(0)] * len(kept))
+
+
+@dataclass(frozen=True)
+class _Near:
+    """By how much moves of settings `theta` exceed a limit: on all frequencies, and on fewer."""
+
+    fine: Together
+    few: Together
+    theta: NDArray[np.float64]
+    limit: float
+
+    def excess(self, move: NDArray[np.float64]) -> float:
+        """Return the excess, of the fewer frequencies."""
+        return self.few.evaluate(self.theta + move).value - self.limit
+
+    def _fine_excess(self, move: NDArray[np.float64]) -> float:
+        return self.fine.evaluate(self.theta + move).value - self.limit
+
+    def distance(self, direction: NDArray[np.float64]) -> float | None:
+        """Return how far one may go in a direction; None: ten times as far at least.
+
+        All frequencies have the last word.
+        """
+        found = _distance(self.excess, direction)
+        if self._fine_excess((STEPS[-1] if found is None else found) * direction) <= 0:
+            return found
+        return _distance(self._fine_excess, direction)
 
 
 def _distance(
@@ -137,18 +176,14 @@ def _distance(
     return inside
 
 
-def _together(
-    objective: Together,
-    theta: NDArray[np.float64],
-    excess: Callable[[NDArray[np.float64]], float],
-) -> tuple[SettingMove, ...]:
+def _together(near: _Near) -> tuple[SettingMove, ...]:
     """Return the least joint change that exceeds the limit, as far as this local search sees it."""
-    names = objective.kind.parameters
-    best = _along_gradients(objective, theta, excess)
-    for single in (way * axis for axis in np.eye(theta.size) for way in (-1.0, 1.0)):
+    names, size = near.few.kind.parameters, near.theta.size
+    best = _along_gradients(near)
+    for single in (way * axis for axis in np.eye(size) for way in (-1.0, 1.0)):
         shortest = float(np.linalg.norm(best)) if best is not None else float(STEPS[-1])
-        if excess(SHORTER * shortest * single) > 0:  # one setting alone does it sooner
-            distance = _distance(excess, single)
+        if near.excess(SHORTER * shortest * single) > 0:  # one setting alone does it sooner
+            distance = near.distance(single)
             if distance is not None and distance < shortest:
                 best = distance * single
     if best is None:
@@ -159,22 +194,18 @@ def _together(
     )
 
 
-def _along_gradients(
-    objective: Together,
-    theta: NDArray[np.float64],
-    excess: Callable[[NDArray[np.float64]], float],
-) -> NDArray[np.float64] | None:
+def _along_gradients(near: _Near) -> NDArray[np.float64] | None:
     """Return the shortest move to the limit along gradients, turned at each visit."""
     best: NDArray[np.float64] | None = None
-    for first in _gradients(objective, theta):
+    for first in _gradients(near.few, near.theta):
         direction = first
         for _ in range(VISITS):
-            distance = _distance(excess, direction)
+            distance = near.distance(direction)
             if distance is None:
                 break
             if best is None or distance < np.linalg.norm(best):
                 best = distance * direction
-            turned = _gradients(objective, theta + distance * direction)
+            turned = _gradients(near.few, near.theta + distance * direction)
             if not turned or turned[0] @ direction > 1 - NARROW:
                 break
             direction = turned[0]

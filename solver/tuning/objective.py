@@ -68,7 +68,7 @@ class Evaluation:
     peaks : (p,)
         Where the followed peaks are: the last p frequencies.
     parts : tuple of Evaluation
-        Of several loops under the same settings: that of each, at the s of all.
+        Of several loops under the same settings: that of each, at the s of all; else empty.
 
     """
 
@@ -83,6 +83,11 @@ class Evaluation:
     y: NDArray[np.float64]
     peaks: NDArray[np.float64]
     parts: tuple[Evaluation, ...] = ()
+
+    @property
+    def of_each(self) -> tuple[Evaluation, ...]:
+        """That of each loop: this itself, where there is one."""
+        return self.parts or (self,)
 
 
 @dataclass(frozen=True)

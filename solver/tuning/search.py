@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -543,16 +544,24 @@ class GroupingSearch:
 
     def canonical(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the permuted copy that stands for all: groups alike by descending gain."""
-        rows = theta.reshape(len(self.groups), -1)
-        if not self.specification.interchangeable:
+        if not self._alike:
             return theta
-        alike = list(zip(map(len, self.groups), self.objective.signs.tolist(), strict=True))
-        result = rows.copy()
-        for kind in set(alike):
-            places = [i for i in range(len(rows)) if alike[i] == kind]
-            order = sorted(places, key=lambda i: tuple(-rows[i]))
+        rows = theta.reshape(len(self.groups), -1)
+        values, result = rows.tolist(), rows.copy()
+        for places in self._alike:
+            order = sorted(places, key=lambda i: values[i], reverse=True)
             result[places] = rows[order]
         return result.ravel()
+
+    @cached_property
+    def _alike(self) -> list[list[int]]:
+        """Groups that may change places, more than one each."""
+        if not self.specification.interchangeable:
+            return []
+        kinds: dict[tuple[int, float], list[int]] = {}
+        for place, group in enumerate(self.groups):
+            kinds.setdefault((len(group), self.freedom.signs[place]), []).append(place)
+        return [places for places in kinds.values() if len(places) > 1]
 
     def _stable(self, theta: NDArray[np.float64]) -> Evaluation | None:
         """Evaluate a start, its gains lowered until the loop is stable.

@@ -181,7 +181,7 @@ class Solutions:
         inherited = self._inherited(search)
         for theta in [*inherited, *self._less_demanding(freedom, self.specification.demands.names)]:
             search.descend(search.box.clip(theta), count=0)
-        self._tell(search)
+        self._offer(search)
         count = self._starts(freedom)
         for left, theta in zip(range(count, 0, -1), search.starts(count), strict=True):
             if self.specification.starts is None and (search.settled or search.confirmed(count)):
@@ -191,7 +191,7 @@ class Solutions:
             search.descend(theta)
             self.clock.done += 1
             if search.lowest < before:
-                self._tell(search)
+                self._offer(search)
         search.swap()
         search.hop()
         if search.refine():
@@ -201,18 +201,21 @@ class Solutions:
             self.clock.tick(best.value)
         return Solution(search, best)
 
-    def _tell(self, search: GroupingSearch) -> None:
-        """Tell the exact value of a search's best optimum: what is kept if it is stopped here."""
+    def _offer(self, search: GroupingSearch) -> None:
+        """Have the exact value of a search's best optimum told: what is kept if it stops here."""
         if not search.optima:
             return
         optimum = search.optima[0]
-        exact = search.exact.measure(optimum.theta, optimum.value)
-        found: Candidate | None = exact if math.isfinite(exact.value) else None
-        if found is None and math.isinf(self.clock.best):
-            # Between the grid's points it meets no demand, but others beside it do.
-            found = search.exact.descend(optimum.theta)
-        if found is not None and search.accepts(found.theta):
-            self.clock.tick(found.value)
+
+        def value() -> float:
+            exact = search.exact.measure(optimum.theta, optimum.value)
+            found: Candidate | None = exact if math.isfinite(exact.value) else None
+            if found is None and math.isinf(self.clock.best):
+                # Between the grid's points it meets no demand, but others beside it do.
+                found = search.exact.descend(optimum.theta)
+            return found.value if found is not None and search.accepts(found.theta) else math.inf
+
+        self.clock.offer(value)
 
     def _inherited(self, search: GroupingSearch) -> list[NDArray[np.float64]]:
         """Return the best settings with fewer freedoms, as parameters of this search."""

@@ -86,13 +86,13 @@ class Together:
 
     def evaluate(self, theta: NDArray[np.float64], *, near: Evaluation | None = None) -> Evaluation:
         """Evaluate at `theta`; see `LoopObjective.evaluate`."""
-        neighbours = [None] * len(self.parts) if near is None else near.parts
+        neighbours = [None] * len(self.parts) if near is None else near.of_each
         found = [
             part.evaluate(theta, near=neighbour)
             for part, neighbour in zip(self.parts, neighbours, strict=True)
         ]
         if len(found) == 1:
-            return replace(found[0], parts=(found[0],))
+            return found[0]
         s = max(each.s for each in found)
         raised = [
             part.with_s(each, s) if each.s < s else each
