@@ -297,9 +297,9 @@ def _without_leading_noise(
 
     Such a zero lies `ROUNDING` times beyond all poles and all other zeros.
     """
-    fastest = max((float(abs(pole)) for pole in np.roots(den)), default=0.0)
     dropped = 0
     while len(num) > 1 and num[1] and _is_small(num[0], num):
+        fastest = max((float(abs(pole)) for pole in np.roots(den)), default=0.0)
         others = max((float(abs(zero)) for zero in np.roots(num[1:])), default=0.0)
         if abs(num[1] / num[0]) <= ROUNDING * max(fastest, others) or not fastest:
             break

@@ -12,7 +12,7 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -24,6 +24,7 @@ from solver.model.deviations import (
     change_time_constant,
     coupled,
     depends_on,
+    varied,
 )
 from solver.model.plants import MatrixPlant, ParallelPlant
 from solver.model.transfer_function import TransferFunction
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from solver.model.blocks import WeightedElement
     from solver.model.controllers import Controller
     from solver.model.plants import Plant
     from solver.model.weights import Performance
@@ -55,6 +57,9 @@ PER_DECADE = 8
 MAX_FULLY, MAX_BY_GAIN = 3, 5
 
 _Limits = tuple[float | None, float | None]
+DEMAND, STABILITY = 0, 1
+_IsLost: TypeAlias = "Callable[[float, int], bool]"  # of an error, the demand or stability
+_Entries: TypeAlias = "tuple[tuple[tuple[WeightedElement, ...], ...], ...]"
 _Change: TypeAlias = "Callable[[TransferFunction, float], TransferFunction]"
 
 
@@ -76,9 +81,9 @@ class ModelTolerance:
     stability : tuple of float or None
         Where nominal stability is lost, likewise.
 
-    Both are proven to hold at the errors told, over all frequencies, and are tried at errors that
-    double from one to the next. Where the plant as given is beyond the proof they are computed on
-    a grid.
+    Both are proven to hold at the errors told, over all frequencies. They are sought on a grid of
+    frequencies, at errors that double from one to the next; where the proof denies what that finds,
+    at such errors by proof. Where the plant as given is beyond the proof the grid alone decides.
 
     """
 
@@ -110,27 +115,29 @@ def model_tolerances(
     """
     decades = int(PER_DECADE * -np.log10(LOWER))
     grid = np.concatenate([np.geomspace(LOWER * omega[0], omega[0], decades)[:-1], omega[::2]])
-    curve = _FixedLoops(loops, performance, grid)
-    given = curve.at(plant)
+    sampled = _SampledLoop.of(plant, performance, loops, grid)
+    given = sampled.at(None, 1.0)
     met = given.peak <= 1
     proof = ProvenDemand(performance, tuple(loops), float(omega[0]), float(omega[-1]))
     provable = proof.holds(plant) == (True, met)
     found = []
-    for name, element, changed in parameters(plant):
+    for parameter in parameters(plant):
 
-        def lost(error: float, changed: Callable[[float], Plant] = changed) -> tuple[bool, bool]:
-            wrong = changed(1 + error)
-            if provable:
-                stable, kept = proof.holds(wrong)
-                return not kept, not stable
-            here = curve.at(wrong)
-            unstable = here.differs(given)
-            return unstable or here.peak > 1, unstable
+        def seems(error: float, which: int, parameter: Parameter = parameter) -> bool:
+            here = sampled.at(parameter, 1 + error)
+            return here.differs(given) or (which == DEMAND and here.peak > 1)
 
-        sides = [_first(lost, _tried(name, sign)) for sign in (-1, 1)]
+        def proven(error: float, which: int, parameter: Parameter = parameter) -> bool:
+            wrong = parameter.changed(1 + error)
+            return not (proof.holds(wrong)[1] if which == DEMAND else proof.stable(wrong))
+
+        sides = [
+            _limits(seems, proven if provable else None, _tried(parameter.name, sign), met=met)
+            for sign in (-1, 1)
+        ]
         found.append(
             ModelTolerance(
-                name, element,
+                parameter.name, parameter.element,
                 (sides[0][0], sides[1][0]) if met else None,
                 (sides[0][1], sides[1][1]),
             )
@@ -139,47 +146,135 @@ def model_tolerances(
 
 
 @dataclass(frozen=True)
-class _Point:
-    """A loop with some plant: det(I + G C) of each block by its direction, and max |w_P S|."""
+class Parameter:
+    """A parameter of the plant.
 
-    directions: NDArray[np.complex128]
-    peak: float
+    Attributes
+    ----------
+    name, element
+        As those of `ModelTolerance`.
+    changed : callable
+        From a factor to the plant with the parameter times it.
+
+    """
+
+    name: str
+    element: tuple[int, int] | None
+    changed: Callable[[float], Plant]
+
+    def concerns(self, row: int, column: int, term: int) -> bool:
+        """Whether it is one of a term of an entry of `LoopBlocks.terms`."""
+        if self.name == "interaction":  # the first term of what is on the diagonal is a unit's own
+            return row != column or term > 0
+        return self.element in {None, (row, column)}
+
+
+@dataclass(frozen=True)
+class _Point:
+    """A loop with some plant.
+
+    Parameters
+    ----------
+    returns : tuple of (k, m, m)
+        I + G C of each block.
+    w_P : (k,)
+        Magnitude of the demand.
+
+    """
+
+    returns: tuple[NDArray[np.complex128], ...]
+    w_P: NDArray[np.float64]
+
+    @cached_property
+    def directions(self) -> NDArray[np.complex128]:
+        """det(I + G C) of each block by its direction, (k, blocks)."""
+        return np.stack([np.linalg.slogdet(E)[0] for E in self.returns], axis=-1)
+
+    @cached_property
+    def peak(self) -> float:
+        """Highest value of sigma_max(w_P S); infinite where the loop is singular."""
+        if np.abs(self.directions).min() == 0:
+            return math.inf
+        return max(float(np.max(self.w_P * sigma_max(np.linalg.inv(E)))) for E in self.returns)
 
     def differs(self, other: _Point) -> bool:
         """Whether det(I + G C) winds otherwise, or has another sign at low frequency."""
         start = np.angle(self.directions[0] * other.directions[0].conj())
-        turned = np.abs(self._turn() - other._turn())
+        turned = np.abs(self._turn - other._turn)
         return bool((np.abs(start) > np.pi / 2).any() or (turned > np.pi).any())
 
+    @cached_property
     def _turn(self) -> NDArray[np.float64]:
         steps = self.directions[1:] * self.directions[:-1].conj()
         return np.asarray(np.angle(steps).sum(axis=0))
 
 
 @dataclass(frozen=True)
-class _FixedLoops:
-    """Controllers, demand and frequencies (k,)."""
+class _SampledLoop:
+    """A loop at some frequencies.
 
-    loops: Sequence[Controller]
-    performance: Performance
-    omega: NDArray[np.float64]
+    Parameters
+    ----------
+    s : (k,)
+        Points on the imaginary axis.
+    terms : tuple
+        Entries of each block, as `LoopBlocks.terms` returns them.
+    controllers : tuple of (k, m)
+        Those of each block's inputs.
+    w_P : (k,)
+        Magnitude of the demand.
 
-    def at(self, plant: Plant) -> _Point:
-        """Return what the loop does with this plant."""
-        blocks, controllers = group_loops(
-            plant, self.loops, output_scale=self.performance.output_scale
+    """
+
+    s: NDArray[np.complex128]
+    terms: tuple[_Entries, ...]
+    controllers: tuple[NDArray[np.complex128], ...]
+    w_P: NDArray[np.float64]
+
+    @classmethod
+    def of(
+        cls,
+        plant: Plant,
+        performance: Performance,
+        loops: Sequence[Controller],
+        omega: NDArray[np.float64],
+    ) -> _SampledLoop:
+        """Return the loop with the plant as given, at `omega` (k,) rad per time unit."""
+        blocks, controllers = group_loops(plant, loops, output_scale=performance.output_scale)
+        c = np.stack([controller.response(omega) for controller in controllers], axis=-1)
+        return cls(
+            1j * omega,
+            tuple(blocks.terms(index) for index in range(len(blocks.blocks))),
+            tuple(c[:, list(block.channels)] for block in blocks.blocks),
+            np.abs(performance.weight.response(omega)),
         )
-        c = np.stack([controller.response(self.omega) for controller in controllers], axis=-1)
-        w_P = np.abs(self.performance.weight.response(self.omega))
-        directions, peak = [], 0.0
-        for block, G in zip(blocks.blocks, blocks.response(self.omega), strict=True):
-            E = np.asarray(np.eye(block.size) + G * c[:, None, list(block.channels)], dtype=complex)
-            directions.append(np.linalg.slogdet(E)[0])
-            if np.abs(directions[-1]).min() == 0:  # singular at a frequency: S has no bound
-                peak = np.inf
-                continue
-            peak = max(peak, float(np.max(w_P * sigma_max(np.asarray(np.linalg.inv(E))))))
-        return _Point(np.stack(directions, axis=-1), peak)
+
+    def at(self, parameter: Parameter | None, factor: float) -> _Point:
+        """Return what the loop does with a parameter times `factor`."""
+        kind = "gain" if parameter is None or parameter.name == "interaction" else parameter.name
+        values: dict[tuple[TransferFunction, bool], NDArray[np.complex128]] = {}
+
+        def value(element: TransferFunction, *, changed: bool) -> NDArray[np.complex128]:
+            if (element, changed) not in values:
+                values[element, changed] = varied(kind, element, factor if changed else 1.0, self.s)
+            return values[element, changed]
+
+        returns = []
+        for rows, c in zip(self.terms, self.controllers, strict=True):
+            E = np.empty((self.s.size, len(rows), len(rows)), dtype=complex)
+            for r, row in enumerate(rows):
+                for k, entry in enumerate(row):
+                    total = sum(
+                        part.factor
+                        * value(
+                            part.element,
+                            changed=parameter is not None and parameter.concerns(r, k, term),
+                        )
+                        for term, part in enumerate(entry)
+                    )
+                    E[:, r, k] = (r == k) + c[:, k] * total
+            returns.append(E)
+        return _Point(tuple(returns), self.w_P)
 
 
 def _tried(name: str, sign: int) -> list[float]:
@@ -192,45 +287,61 @@ def _tried(name: str, sign: int) -> list[float]:
     return [-error for error in (*(each for each in errors if each < rest[0]), *rest)]
 
 
-def _first(
-    lost: Callable[[float], tuple[bool, bool]], errors: Sequence[float]
+def _limits(
+    seems: _IsLost, proven: _IsLost | None, errors: Sequence[float], *, met: bool
 ) -> list[float | None]:
+    """Return the errors at which the demand and stability are first lost on one side.
+
+    What a grid of frequencies says is soon found. It is confirmed where it ends: what it says is
+    lost is lost, what it says is kept may not be, and then the proof seeks for itself.
+    """
+    limits = _first(seems, errors, met=met)
+    if proven is None:
+        return limits
+    ends = [errors[-1] if limit is None else limit for limit in limits]
+    # What keeps the demand keeps stability: where both are kept to the end one proof says so.
+    told = (DEMAND, STABILITY) if met and ends[0] != ends[1] else (DEMAND if met else STABILITY,)
+    if any(proven(ends[which], which) for which in told):
+        return _first(proven, errors, met=met)
+    return limits
+
+
+def _first(lost: _IsLost, errors: Sequence[float], *, met: bool) -> list[float | None]:
     """Return the errors at which the demand and stability are first lost on one side."""
     limits: list[float | None] = [None, None]
     inside = 0.0
     for error in errors:
-        for which, gone in enumerate(lost(error)):
-            if gone and limits[which] is None:
-                limits[which] = _between(lost, which, inside, error)
-        if limits[1] is not None:
+        if met and limits[DEMAND] is None:
+            if not lost(error, DEMAND):  # nor is stability
+                inside = error
+                continue
+            limits[DEMAND] = _between(lost, DEMAND, inside, error)
+        if lost(error, STABILITY):
+            limits[STABILITY] = _between(lost, STABILITY, inside, error)
             break
         inside = error
     return limits
 
 
-def _between(
-    lost: Callable[[float], tuple[bool, bool]], which: int, inside: float, outside: float
-) -> float:
+def _between(lost: _IsLost, which: int, inside: float, outside: float) -> float:
     """Return the last error found not to lose it."""
     while not inside and abs(outside) > LEAST_ERROR:  # a first error may be a thousand too large
         smaller = outside / CLOSER
-        if lost(smaller)[which]:
+        if lost(smaller, which):
             outside = smaller
         else:
             inside = smaller
     for _ in range(HALVINGS):
         middle = 0.5 * (inside + outside)
-        if lost(middle)[which]:
+        if lost(middle, which):
             outside = middle
         else:
             inside = middle
     return inside
 
 
-def parameters(
-    plant: Plant,
-) -> Iterator[tuple[str, tuple[int, int] | None, Callable[[float], Plant]]]:
-    """Yield each parameter, and the plant with that parameter times a factor."""
+def parameters(plant: Plant) -> Iterator[Parameter]:
+    """Yield each parameter."""
     changes = (
         ("gain", change_gain),
         ("time_constant", change_time_constant),
@@ -243,12 +354,12 @@ def parameters(
         for place in itertools.product(units, units):
             for name, change in changes[:alone]:
                 if depends_on(name, plant.element(*place)):
-                    yield name, place, partial(_replaced, plant, place, change)
+                    yield Parameter(name, place, partial(_replaced, plant, place, change))
     for name, change in changes[alone:]:
         if any(depends_on(name, element) for element in plant.elements):
-            yield name, None, partial(_mapped, plant, change)
+            yield Parameter(name, None, partial(_mapped, plant, change))
     if isinstance(plant, ParallelPlant) and plant.n > 1 and not plant.interaction.is_zero:
-        yield "interaction", None, partial(coupled, plant)
+        yield Parameter("interaction", None, partial(coupled, plant))
 
 
 def _mapped(plant: Plant, change: _Change, factor: float) -> Plant:

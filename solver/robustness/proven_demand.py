@@ -55,16 +55,28 @@ class ProvenDemand:
 
     def holds(self, plant: Plant) -> tuple[bool, bool]:
         """Whether the loop is proven stable with a plant, and the demand proven too."""
-        if len(settings_of(plant, self.loops, ANY, self.performance.output_scale)) > MOST:
+        compiled = self._compiled(plant)
+        if compiled is None or not self._is_stable(*compiled):
             return False, False
+        return True, self._demand(*compiled)
+
+    def stable(self, plant: Plant) -> bool:
+        """Whether the loop is proven stable with a plant."""
+        compiled = self._compiled(plant)
+        return compiled is not None and self._is_stable(*compiled)
+
+    def _compiled(self, plant: Plant) -> tuple[Tables, Scratch] | None:
+        if len(settings_of(plant, self.loops, ANY, self.performance.output_scale)) > MOST:
+            return None
         try:
             loop = ExactLoop.of(Claim(plant, ANY, self.performance, self.loops, 1.0))
         except MutuneError:  # a plant beyond the proof
-            return False, False
+            return None
         T = tables(loop)
-        S = scratch(T)
-        stable = followed_count(T, S, self.low, self.high) == 0
-        return stable, stable and self._demand(T, S)
+        return T, scratch(T)
+
+    def _is_stable(self, T: Tables, S: Scratch) -> bool:
+        return followed_count(T, S, self.low, self.high) == 0
 
     def _demand(self, T: Tables, S: Scratch) -> bool:
         low, high = self.low, self.high

@@ -127,7 +127,7 @@ def test_every_end_of_unusual_loops_is_one(seed: int) -> None:
         found = proven_peaks(plant, drawn.uncertainty, slow, drawn.loops)
         return found.peaks.nominal_performance.value
 
-    changes = {(name, element): change for name, element, change in parameters(drawn.plant)}
+    changes = {(each.name, each.element): each.changed for each in parameters(drawn.plant)}
     for each in model_tolerances(drawn.plant, slow, drawn.loops, omega):
         changed = changes[each.parameter, each.element]
         for error in each.demand or ():
