@@ -5,6 +5,7 @@ What this module chooses needs no trust: `solver.certificate.verify` proves it a
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 from enum import StrEnum
@@ -80,7 +81,10 @@ class CertificateFailure:
 
 
 def certify(
-    claim: Claim, interrupt: Callable[[], object] = lambda: None, attempts: int = MAX_ATTEMPTS
+    claim: Claim,
+    interrupt: Callable[[], object] = lambda: None,
+    attempts: int = MAX_ATTEMPTS,
+    ends: Sequence[float] = (),
 ) -> Certificate | CertificateFailure:
     """Return a certificate of the claim, or why none was found.
 
@@ -96,6 +100,9 @@ def certify(
         Called every few milliseconds; whatever it raises ends the work.
     attempts : int
         Intervals that may be tried.
+    ends : sequence of float
+        Where to try to end the intervals, ascending, rad per time unit: as a proof in doubles found
+        them (`solver.robustness.axis`). Empty: they are sought.
 
     Raises
     ------
@@ -115,7 +122,7 @@ def certify(
     with working_precision(PRECISION):
         search = _CertificateSearch(claim, interrupt, attempts)
         try:
-            search.cover_all_frequencies()
+            search.cover_all_frequencies(ends)
         except _ObstacleMetError as met:
             return met.failure
         poles = proven_unstable_poles(search.loop, search.turns)
@@ -152,24 +159,37 @@ class _CertificateSearch:
         self.proven: list[ProvenInterval] = []
         self.turns: list[Turns] = []
 
-    def cover_all_frequencies(self) -> None:
+    def cover_all_frequencies(self, ends: Sequence[float]) -> None:
         """Prove an interval at either end, then march from one to the other."""
         middle = math.exp(-np.mean([math.log(c.integral_time or 1.0) for c in self.controllers]))
         low = high = middle
+        if len(ends) > 1:
+            low, high = ends[0], ends[-1]
         while not self._prove_end(Interval(0, low), low / 2, low / BEFORE):
             low /= 4
             self._require(low > middle / FARTHEST, low)
         while not self._prove_end(Interval(high, math.inf), 2 * high, BEFORE * high):
             high *= 4
             self._require(high < middle * FARTHEST, high)
-        log_ratio = math.log(2)
+        told = [low, *ends[1:-1], high]
+        intervals = [Interval(*pair) for pair in itertools.pairwise(told)]
+        insides = [math.sqrt(interval.low * interval.high) for interval in intervals]
+        for interval, inside, best in zip(
+            intervals, insides, self._optimal_scales(insides), strict=True
+        ):
+            if len(ends) < 2 or not self._prove(interval, inside, *best):
+                self._march(interval.low, interval.high)
+
+    def _march(self, low: float, high: float) -> None:
+        """Prove what lies between two frequencies."""
+        log_ratio = min(math.log(2), NARROWER * math.log(high / low)) if low < high else 0.0
         while low < high:
             self._require(log_ratio > NARROWEST, low)
             end = low * math.exp(log_ratio)
             # A rest much shorter than its neighbours would be wasted work.
             if end * math.exp(0.2 * log_ratio) >= high:
                 end = high
-            if self._prove(Interval(low, end), math.sqrt(low * end)):
+            if self._prove_at(Interval(low, end), math.sqrt(low * end)):
                 low = end
                 log_ratio *= WIDER
             else:
@@ -181,15 +201,20 @@ class _CertificateSearch:
         Where outputs err the best scales move without bound towards the ends: those of before the
         interval serve all of it, those within it do not.
         """
-        if self._prove(interval, inside):
+        if self._prove_at(interval, inside):
             return True
-        return self.claim.uncertainty.outputs is not None and self._prove(interval, before)
+        return self.claim.uncertainty.outputs is not None and self._prove_at(interval, before)
 
-    def _prove(self, interval: Interval, inside: float) -> bool:
+    def _prove_at(self, interval: Interval, inside: float) -> bool:
         """Whether the interval is proven by the D-scales optimal at the frequency `inside`."""
+        return self._prove(interval, inside, *self._optimal_scales([inside])[0])
+
+    def _prove(
+        self, interval: Interval, inside: float, mu: float, scales: tuple[float, ...]
+    ) -> bool:
+        """Whether the interval is proven by D-scales, optimal at `inside`, where they give `mu`."""
         self.interrupt()
         self.attempts -= 1
-        mu, scales = self._optimal_scales(inside)
         if not mu <= self.claim.gamma:
             raise _ObstacleMetError(Obstacle.EXCEEDED, inside, mu)
         if self.attempts <= 0:
@@ -203,12 +228,12 @@ class _CertificateSearch:
 
     def _require(self, hope: bool, omega: float) -> None:  # noqa: FBT001 - a guard
         if not hope:
-            mu, _ = self._optimal_scales(omega)
+            ((mu, _),) = self._optimal_scales([omega])
             raise _ObstacleMetError(Obstacle.UNRESOLVED, omega, mu)
 
-    def _optimal_scales(self, omega: float) -> tuple[float, tuple[float, ...]]:
-        """Return the upper bound of mu at a frequency and its D-scales."""
-        y = np.zeros((1, self.blocks.n_scales))
+    def _optimal_scales(self, omega: Sequence[float]) -> list[tuple[float, tuple[float, ...]]]:
+        """Return the upper bound of mu at each frequency and its D-scales."""
+        y = np.zeros((len(omega), self.blocks.n_scales))
         t, _, _ = sweep(
             self.blocks.packed(omega),
             np.stack([c.response(omega) for c in self.controllers], axis=-1),
@@ -220,7 +245,8 @@ class _CertificateSearch:
             cold=True,
             y=y,
         )
-        return math.exp(-t[0] / 2), tuple(map(float, np.exp(y[0] / 2)))
+        scales = map(tuple, np.exp(y / 2).tolist())
+        return list(zip(np.exp(-t / 2).tolist(), scales, strict=True))
 
 
 def prove(
@@ -231,14 +257,16 @@ def prove(
     level: float,
     *,
     interrupt: Callable[[], object] = lambda: None,
+    ends: Sequence[float] = (),
 ) -> tuple[Certificate | None, list[str]]:
     """Return the certificate that mu <= `level` and no warning, or none and the reason.
 
-    What takes much longer than the result that it goes with is given up: `certify` goes on.
+    What takes much longer than the result that it goes with is given up: `certify` goes on. `ends`
+    is for it.
     """
     claim = Claim(plant, uncertainty, performance, tuple(loops), level)
     size = width_of(plant, claim.loops, uncertainty, performance.output_scale)
-    outcome = certify(claim, interrupt, min(MAX_ATTEMPTS, BESIDE_A_RESULT // size**2))
+    outcome = certify(claim, interrupt, min(MAX_ATTEMPTS, BESIDE_A_RESULT // size**2), ends)
     if isinstance(outcome, Certificate):
         return outcome, []
     if outcome.obstacle is Obstacle.EXHAUSTED:

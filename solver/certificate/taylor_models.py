@@ -116,7 +116,7 @@ class TaylorModel:
 
         """
         values = self.values
-        if not abs(values) > 0:
+        if not values.abs_lower() > 0:  # abs() of a ball squares it, and is 0 from 0.41 of it on
             message = "a denominator may vanish"
             raise UnenclosedError(message)
         inverse = _all_terms(acb_series(self.polynomial.coeffs(), DEGREE).inv())

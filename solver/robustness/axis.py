@@ -11,7 +11,7 @@ where the proof reaches 0 and infinity: the loop's own, not those of the plant's
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -66,6 +66,7 @@ STEPS_BY_SIZE = 100_000_000  # over the cube of unlike loops: some ten seconds f
 NO_TRAIL = np.empty(0)
 CLOSER = (1.0, 0.03)  # of the distance of two phases far out
 MAX_LOOKS = 400
+MAX_TRAIL = 5_000  # intervals: those of a certificate
 FAR, LAST = 1e12, 1e150  # over the grid's end: what is not fed through has died away; and at most
 TAIL_STEP, TAIL_STEPS = 4.0, 30  # ends of the axis that are tried: up to 1e18 beyond the grid
 LIMITS = np.array([1e1, 1e2, 1e4, 1e6])  # beyond the ends, where the limits show
@@ -105,6 +106,14 @@ class AxisPeaks:
     proven: tuple[bool, bool, bool]
     curves: Curves
     unstable: int | None
+    _robust: _CurveSearch = field(repr=False, compare=False)
+
+    def ends(self, level: float) -> list[float]:
+        """Return where intervals end on each of which robust performance is below `level` by proof.
+
+        The first begins at 0 and the last ends at infinity; empty where no proof is found.
+        """
+        return self._robust.ends(level)
 
 
 def proven_peaks(
@@ -174,6 +183,7 @@ def proven_peaks(
         (searches[0].reason is None, searches[1].reason is None, searches[2].reason is None),
         curves,
         unstable,
+        searches[0],
     )
 
 
@@ -367,6 +377,32 @@ class _CurveSearch:
             f"no proof near omega = {low:.6g} rad per time unit: the curve varies too quickly there"
         )
         self._resolve()
+
+    def ends(self, level: float) -> list[float]:
+        """Return the ends of intervals on each of which a level is proven; none without proof."""
+        if self.compiled is None:
+            return []
+        T, S = self.compiled
+        low = high = math.sqrt(float(self.omega[0] * self.omega[-1]))
+        steps = min(MAX_STEPS, STEPS_BY_SIZE // T.controllers**3)
+        for _ in range(TAIL_STEPS):
+            if self._holds_beyond(T, S, low, self._y_at(low / 2), level, upper=False):
+                break
+            low /= TAIL_STEP
+        for _ in range(TAIL_STEPS):
+            if self._holds_beyond(T, S, high, self._y_at(2 * high), level, upper=True):
+                break
+            high *= TAIL_STEP
+        trail = np.zeros(MAX_TRAIL)
+        reached, _, _ = march(
+            T, S, np.log(self.omega), self.y, low, high, FIRST_STEP, SHORT, steps, level**2,
+            self.curve, np.zeros(T.multiplicity.size), trail,
+        )  # fmt: skip
+        return [low, *trail[trail > 0].tolist()] if reached >= high else []
+
+    def _y_at(self, omega: float) -> NDArray[np.float64]:
+        at = np.log(self.omega)
+        return np.array([np.interp(math.log(omega), at, column) for column in self.y.T])
 
     def _prove_by_boxes(self) -> None:
         """Prove the peak of a ring or row: its modes are no rational numbers, as others' are."""

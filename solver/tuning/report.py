@@ -244,7 +244,7 @@ def _prove(
     level = PROVEN_ABOVE * end.peaks.robust_performance.value
     return prove(
         specification.plant, specification.uncertainty, end.performance, end.loops, level,
-        interrupt=clock.tick,
+        interrupt=clock.tick, ends=end.axes[0].ends(level),
     )  # fmt: skip
 
 
