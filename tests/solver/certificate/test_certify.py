@@ -26,6 +26,7 @@ from solver.model.errors import Cancelled, InvalidInputError, UnsupportedPlantEr
 from solver.model.plants import MatrixPlant, ParallelPlant, Plant, first_order
 from solver.model.transfer_function import TransferFunction
 from solver.model.weights import Performance, Structure, Uncertainty
+from solver.robustness.axis import proven_peaks
 
 UNCERTAINTY = Uncertainty.from_error(0.2, 1)
 Loops = tuple[Plant, Uncertainty, Performance, tuple[Controller, ...]]
@@ -277,3 +278,23 @@ def test_a_proof_that_takes_too_long_beside_a_result_says_so(
     proof, reasons = prove(*task, loops, 10.0)
     assert proof is None
     assert "3 unlike settings" in reasons[0]
+
+
+@pytest.mark.parametrize("ends", [[1e-4, 0.03, 10.0], [0.5, 2.0], [10.0, 20.0, 1e9]])
+def test_ends_that_are_told_are_where_to_try_first(ends: list[float]) -> None:
+    """Good ones are used, others divided: the certificate is whole either way."""
+    told = certify(published(1.01), ends=ends)
+    assert isinstance(told, Certificate)
+    assert check(told).ok
+
+
+def test_the_axis_tells_where_intervals_of_a_certificate_end() -> None:
+    """What was proven in doubles is proven again as it stands, interval by interval."""
+    axis = proven_peaks(*PUBLISHED)
+    level = 1.0002 * axis.peaks.robust_performance.value
+    ends = axis.ends(level)
+    told = certify(published(level), ends=ends)
+    assert isinstance(told, Certificate)
+    assert {interval.interval.low for interval in told.intervals} == {0.0, *ends}
+    assert check(told).ok
+    assert axis.ends(0.9) == []

@@ -125,3 +125,10 @@ def test_series_that_flint_cuts_off_are_refused() -> None:
             model.reciprocal()
     finally:
         ctx.cap = cap
+
+
+def test_a_denominator_may_fall_to_a_tenth_of_its_highest_value() -> None:
+    """1 + 0.8 t, between 0.2 and 1.8, is inverted: its ball is wide, and does not hold 0."""
+    reciprocal = model_of([1, 0.8]).reciprocal()
+    for t in (-1.0, -0.9, 0.3, 1.0):
+        assert value_at(reciprocal, t).contains(1 / acb(1 + 0.8 * arb(t)))
