@@ -122,9 +122,7 @@ def analyse(
     warnings += filter(None, [worst.warning])
     if certificate:
         level = PROVEN_ABOVE * peaks.robust_performance.value
-        proof, reasons = prove(
-            plant, uncertainty, performance, loops, level, ends=axis.ends(level)
-        )
+        proof, reasons = prove(plant, uncertainty, performance, loops, level, ends=axis.ends(level))
         warnings += reasons
     margins = loop_margins(plant, loops, stable=True)
     alone = [row.alone.bandwidth if row.alone else None for row in margins]

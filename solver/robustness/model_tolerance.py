@@ -13,7 +13,7 @@ import itertools
 import math
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -181,13 +181,13 @@ class _Point:
     ----------
     returns : tuple of (k, m, m)
         I + G C of each block.
-    w_P : (k,)
-        Magnitude of the demand.
+    demand : (k,)
+        Magnitude of w_P.
 
     """
 
     returns: tuple[NDArray[np.complex128], ...]
-    w_P: NDArray[np.float64]
+    demand: NDArray[np.float64]
 
     @cached_property
     def directions(self) -> NDArray[np.complex128]:
@@ -199,7 +199,10 @@ class _Point:
         """Highest value of sigma_max(w_P S); infinite where the loop is singular."""
         if np.abs(self.directions).min() == 0:
             return math.inf
-        return max(float(np.max(self.w_P * sigma_max(np.linalg.inv(E)))) for E in self.returns)
+        return max(
+            float(np.max(self.demand * sigma_max(np.asarray(np.linalg.inv(E), dtype=complex))))
+            for E in self.returns
+        )
 
     def differs(self, other: _Point) -> bool:
         """Whether det(I + G C) winds otherwise, or has another sign at low frequency."""
@@ -225,15 +228,15 @@ class _SampledLoop:
         Entries of each block, as `LoopBlocks.terms` returns them.
     controllers : tuple of (k, m)
         Those of each block's inputs.
-    w_P : (k,)
-        Magnitude of the demand.
+    demand : (k,)
+        Magnitude of w_P.
 
     """
 
     s: NDArray[np.complex128]
     terms: tuple[_Entries, ...]
     controllers: tuple[NDArray[np.complex128], ...]
-    w_P: NDArray[np.float64]
+    demand: NDArray[np.float64]
 
     @classmethod
     def of(
@@ -247,7 +250,7 @@ class _SampledLoop:
         blocks, controllers = group_loops(plant, loops, output_scale=performance.output_scale)
         c = np.stack([controller.response(omega) for controller in controllers], axis=-1)
         return cls(
-            1j * omega,
+            np.asarray(1j * omega, dtype=complex),
             tuple(blocks.terms(index) for index in range(len(blocks.blocks))),
             tuple(c[:, list(block.channels)] for block in blocks.blocks),
             np.abs(performance.weight.response(omega)),
@@ -278,7 +281,7 @@ class _SampledLoop:
                     )
                     E[:, r, k] = (r == k) + c[:, k] * total
             returns.append(E)
-        return _Point(tuple(returns), self.w_P)
+        return _Point(tuple(returns), self.demand)
 
 
 def _tried(name: str, sign: int) -> list[float]:
@@ -291,44 +294,56 @@ def _tried(name: str, sign: int) -> list[float]:
     return [-error for error in (*(each for each in errors if each < rest[0]), *rest)]
 
 
+class _End(NamedTuple):
+    """The last error that is known to be kept, and the next one that is not; None: none tried."""
+
+    kept: float
+    lost: float | None
+
+
 def _limits(
     seems: _IsLost, proven: _IsLost | None, errors: Sequence[float], *, met: bool
 ) -> list[float | None]:
     """Return the errors at which the demand and stability are first lost on one side.
 
-    What a grid of frequencies says is soon found. It is confirmed where it ends: what it says is
-    lost is lost, what it says is kept may not be, and then the proof seeks for itself.
+    What a grid of frequencies says is soon found. It is confirmed by proof, on both sides of where
+    it ends: a grid may miss a peak, or a turn. Where the proof denies it, that seeks for itself.
     """
-    limits = _first(seems, errors, met=met)
-    if proven is None:
-        return limits
-    ends = [errors[-1] if limit is None else limit for limit in limits]
-    # What keeps the demand keeps stability: where both are kept to the end one proof says so.
-    told = (DEMAND, STABILITY) if met and ends[0] != ends[1] else (DEMAND if met else STABILITY,)
-    if any(proven(ends[which], which) for which in told):
-        return _first(proven, errors, met=met)
-    return limits
+    found = _first(seems, errors, met=met)
+    if proven is not None and not all(_confirmed(proven, found, met=met)):
+        found = _first(proven, errors, met=met)
+    return [None if end.lost is None else end.kept for end in found]
 
 
-def _first(lost: _IsLost, errors: Sequence[float], *, met: bool) -> list[float | None]:
-    """Return the errors at which the demand and stability are first lost on one side."""
-    limits: list[float | None] = [None, None]
+def _confirmed(proven: _IsLost, found: Sequence[_End], *, met: bool) -> Iterator[bool]:
+    """Yield whether a proof says the same of the last errors found to be kept and to be lost."""
+    kept = {end.kept: which for which, end in reversed(list(enumerate(found))) if met or which}
+    for error, which in kept.items():  # what keeps the demand keeps stability
+        yield not proven(error, which)
+    for which, end in enumerate(found):
+        if end.lost is not None and (met or which):
+            yield proven(end.lost, which)
+
+
+def _first(lost: _IsLost, errors: Sequence[float], *, met: bool) -> list[_End]:
+    """Return where the demand and stability are first lost on one side."""
+    ends: list[_End | None] = [None, None]
     inside = 0.0
     for error in errors:
-        if met and limits[DEMAND] is None:
+        if met and ends[DEMAND] is None:
             if not lost(error, DEMAND):  # nor is stability
                 inside = error
                 continue
-            limits[DEMAND] = _between(lost, DEMAND, inside, error)
+            ends[DEMAND] = _between(lost, DEMAND, inside, error)
         if lost(error, STABILITY):
-            limits[STABILITY] = _between(lost, STABILITY, inside, error)
+            ends[STABILITY] = _between(lost, STABILITY, inside, error)
             break
         inside = error
-    return limits
+    return [_End(errors[-1], None) if end is None else end for end in ends]
 
 
-def _between(lost: _IsLost, which: int, inside: float, outside: float) -> float:
-    """Return the last error found not to lose it."""
+def _between(lost: _IsLost, which: int, inside: float, outside: float) -> _End:
+    """Return the last error found not to lose it, and the first found to do so."""
     while not inside and abs(outside) > LEAST_ERROR:  # a first error may be a thousand too large
         smaller = outside / CLOSER
         if lost(smaller, which):
@@ -341,7 +356,7 @@ def _between(lost: _IsLost, which: int, inside: float, outside: float) -> float:
             outside = middle
         else:
             inside = middle
-    return inside
+    return _End(inside, outside)
 
 
 def parameters(plant: Plant) -> Iterator[Parameter]:

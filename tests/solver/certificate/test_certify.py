@@ -289,12 +289,13 @@ def test_ends_that_are_told_are_where_to_try_first(ends: list[float]) -> None:
 
 
 def test_the_axis_tells_where_intervals_of_a_certificate_end() -> None:
-    """What was proven in doubles is proven again as it stands, interval by interval."""
+    """What was proven in doubles is proven again at the same places, or between them too."""
     axis = proven_peaks(*PUBLISHED)
     level = 1.0002 * axis.peaks.robust_performance.value
     ends = axis.ends(level)
     told = certify(published(level), ends=ends)
     assert isinstance(told, Certificate)
-    assert {interval.interval.low for interval in told.intervals} == {0.0, *ends}
+    assert {interval.interval.low for interval in told.intervals} >= {0.0, *ends}
+    assert len(told.intervals) < len(certified(published(level)).intervals) + 3
     assert check(told).ok
     assert axis.ends(0.9) == []
