@@ -94,7 +94,14 @@ if TYPE_CHECKING:
     )
     from solver.robustness.integrity import Detuning, Integrity, ServiceClass, integrity
     from solver.robustness.margins import LoopMargins, Margins, loop_margins
-    from solver.robustness.record import Curves, Guarantee, GuaranteeStatus, Peaks, Robustness
+    from solver.robustness.record import (
+        Curves,
+        Guarantee,
+        GuaranteeStatus,
+        MarginsGuarantee,
+        Peaks,
+        Robustness,
+    )
     from solver.robustness.worst_case import DiagonalPerturbation, RankOnePerturbation, WorstCase
     from solver.simulation.actuators import CoupledActuators, OwnActuators
     from solver.simulation.directions import difficult_direction, easy_direction
@@ -195,6 +202,7 @@ __all__ = [
     "LoopMargins",
     "LowerBound",
     "Margins",
+    "MarginsGuarantee",
     "MatrixPlant",
     "MeasuredPlant",
     "Metrics",
@@ -368,7 +376,9 @@ _HOMES = {
     "solver.robustness.centralised": "Centralised analyse_centralised",
     "solver.robustness.integrity": "Detuning Integrity ServiceClass integrity",
     "solver.robustness.margins": "LoopMargins Margins loop_margins",
-    "solver.robustness.record": "Curves Guarantee GuaranteeStatus Peaks Robustness",
+    "solver.robustness.record": (
+        "Curves Guarantee GuaranteeStatus MarginsGuarantee Peaks Robustness"
+    ),
     "solver.robustness.worst_case": "DiagonalPerturbation RankOnePerturbation WorstCase",
     "solver.simulation.actuators": "CoupledActuators OwnActuators",
     "solver.simulation.directions": "difficult_direction easy_direction",

@@ -27,7 +27,15 @@ from service.schemas.given_loops import EXAMPLE, GivenLoops
 from service.schemas.loop_forms import GivenLoop
 from service.schemas.margins import Bandwidths, LoopMargins
 from service.schemas.model_tolerance import ModelTolerance
-from service.schemas.peaks import CURVES_EXAMPLE, PEAK_EXAMPLE, Curves, Guarantee, Peak, Peaks
+from service.schemas.peaks import (
+    CURVES_EXAMPLE,
+    PEAK_EXAMPLE,
+    Curves,
+    Guarantee,
+    MarginsGuarantee,
+    Peak,
+    Peaks,
+)
 from service.schemas.worst_case import WorstCase
 from service.wording import number
 from solver.model.controllers import Controller
@@ -262,6 +270,12 @@ class RobustnessResult(IdentifiedResult, ResultModel):
         "together; null: unstable.",
         examples=[{"alone": 0.392, "worst_direction": 0.019, "best_direction": 0.768}],
     )
+    margins_guarantee: MarginsGuarantee | None = Field(
+        default=None,
+        description="What is proven of Ms, Mt and the bandwidths over all frequencies; null where "
+        "there are none.",
+        examples=[{"status": "proven", "within": 1e-4, "reason": None}],
+    )
     certificate: dict[str, Any] | None = Field(
         description="Proof for all frequencies.", examples=[None]
     )
@@ -342,6 +356,8 @@ def table(result: RobustnessResult) -> list[Part]:
             ("best direction, all closed", number(found.best_direction)),
         ]
         parts.append(Grid(("bandwidth (rad/time)", ""), rows))
+    if result.margins_guarantee is not None:
+        parts.append(Line(_margins_text(result.margins_guarantee)))
     return [*parts, *warning_lines(result.warnings)]
 
 
@@ -406,6 +422,13 @@ def _margins(margins: Sequence[LoopMargins]) -> Grid:
             rows.append((name, others, *map(number, values)))
     heads = ("margins", "others", "gain", "phase (°)", "delay", "Ms", "Mt", "bandwidth")
     return Grid(heads, rows, frozenset({0, 1}))
+
+
+def _margins_text(guarantee: MarginsGuarantee) -> str:
+    what = "Ms, Mt and bandwidths over all frequencies"
+    if guarantee.status == "proven":
+        return f"Proven: {what}, to {100 * guarantee.within:.2g} %."
+    return f"Not proven: {what}: {guarantee.reason}. They are sampled and refined."
 
 
 def draw(result: DrawnRobustness, unit: str) -> dict[str, Any]:

@@ -8,7 +8,15 @@ from pydantic import Field
 
 from service.schemas.fields import ResultModel
 
-__all__ = ["CURVES_EXAMPLE", "PEAK_EXAMPLE", "Curves", "Guarantee", "Peak", "Peaks"]
+__all__ = [
+    "CURVES_EXAMPLE",
+    "PEAK_EXAMPLE",
+    "Curves",
+    "Guarantee",
+    "MarginsGuarantee",
+    "Peak",
+    "Peaks",
+]
 
 
 class Peak(ResultModel):
@@ -58,6 +66,19 @@ class Guarantee(ResultModel):
     level: float | None = Field(
         description="Level of mu, 1.0001 times the peak that was found.", examples=[1.0001]
     )
+    reason: str | None = Field(description="Why it is open; else null.", examples=[None])
+
+
+class MarginsGuarantee(ResultModel):
+    """What is known of Ms, Mt and the bandwidths over all frequencies."""
+
+    status: Literal["proven", "open"] = Field(
+        description="proven: no frequency exceeds Ms or Mt of a loop, alone or with the others "
+        "closed, and no curve reaches 0.707 before its bandwidth, by more than `within`, rounding "
+        "included; open: of some there is no proof.",
+        examples=["proven"],
+    )
+    within: float = Field(description="Relative amount.", examples=[1e-4])
     reason: str | None = Field(description="Why it is open; else null.", examples=[None])
 
 

@@ -26,6 +26,7 @@ from solver.robustness.gain_factor import stable_gain_factor
 from solver.robustness.margins import loop_frequencies, loop_margins
 from solver.robustness.model_tolerance import model_tolerances
 from solver.robustness.on_data import analyse_on_data
+from solver.robustness.proven_margins import proven_margins
 from solver.robustness.record import Robustness
 from solver.robustness.worst_case import worst_case
 from solver.stability.closed_loop import ClosedLoopPoles, closed_loop_poles
@@ -126,6 +127,8 @@ def analyse(
         warnings += reasons
     margins = loop_margins(plant, loops, stable=True)
     alone = [row.alone.bandwidth if row.alone else None for row in margins]
+    speeds = bandwidths(plant, loops, alone, loop_frequencies(plant, loops))
+    margins, speeds, margins_guarantee = proven_margins(plant, loops, margins, speeds)
     return Robustness(
         nominally_stable=True,
         unstable_poles=0,
@@ -135,7 +138,8 @@ def analyse(
         worst_case=worst,
         uncertainty_scaling=1 / peaks.robust_stability.value,
         margins=margins,
-        bandwidths=bandwidths(plant, loops, alone, loop_frequencies(plant, loops)),
+        bandwidths=speeds,
+        margins_guarantee=margins_guarantee,
         certificate=proof,
         guarantee=axis.guarantee,
         model_tolerance=model_tolerances(plant, performance, loops, axis.curves.omega),

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from solver.model.transfer_function import TransferFunction
     from solver.model.weights import Performance, Uncertainty
 
-__all__ = ["FullLoop", "UnprovenError", "Variable"]
+__all__ = ["FullLoop", "UnprovenError", "Variable", "lifted_element"]
 
 MOST_STATES = 150  # of a controller: its modes in many digits take some seconds then
 BITS = 256
@@ -363,7 +363,7 @@ class FullLoop:
                     if element.is_zero:
                         continue
                     if (element, lifts) not in known:
-                        known[element, lifts] = _element(element, variable, lifts, lifts)
+                        known[element, lifts] = lifted_element(element, variable, lifts)
                     value, here = known[element, lifts]
                     total = total + value.times(factor)
                     sound &= here
@@ -384,7 +384,7 @@ class FullLoop:
             for column, element in enumerate(entries):
                 if element.is_zero:
                     continue
-                value, here = _element(element, variable, int(left[row]), int(left[row]))
+                value, here = lifted_element(element, variable, int(left[row]))
                 P[:, :, row, column] = value.P[:, :, 0, 0]
                 radius[:, row, column] = value.radius[:, 0, 0]
                 sound &= here
@@ -407,14 +407,14 @@ def _direct(elements: list[TransferFunction]) -> list[TransferFunction]:
     return [element for element in elements if element.feedthrough]
 
 
-def _element(
-    element: TransferFunction, variable: Variable, powers: int, lifts: int
+def lifted_element(
+    element: TransferFunction, variable: Variable, powers: int
 ) -> tuple[Models, NDArray[np.bool_]]:
-    """Return an element times s^powers (1 + s/f)^-lifts, its dead time included."""
+    """Return an element times (s/(1 + s/f))^powers, its dead time included."""
     integrators = element.integrators
     den = np.array(element.den)
     den = den[: len(den) - integrators]
-    value, sound = variable.quotient(np.array(element.num), den, powers - integrators, lifts)
+    value, sound = variable.quotient(np.array(element.num), den, powers - integrators, powers)
     if element.dead_time:
         value = value @ variable.delay(element.dead_time)
     return value, sound

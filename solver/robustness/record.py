@@ -73,6 +73,19 @@ class Guarantee:
 
 
 @dataclass(frozen=True)
+class MarginsGuarantee:
+    """What is known over all frequencies of Ms, Mt and the bandwidths, alone and together.
+
+    PROVEN: no frequency exceeds a peak, and no curve reaches 0.707 before its bandwidth, by more
+    than the relative amount `within`. OPEN: of some there is no proof, for the `reason` given.
+    """
+
+    status: GuaranteeStatus
+    within: float
+    reason: str | None = None
+
+
+@dataclass(frozen=True)
 class Robustness:
     """Robustness of given loops.
 
@@ -86,6 +99,7 @@ class Robustness:
     lower bound of that peak, `worst_case` a perturbation that reaches it. `uncertainty_scaling` is
     the factor by which the uncertainty may grow before robust stability is no longer assured.
     `margins`: of each different loop. `bandwidths`: alone and together, of a stable loop.
+    `margins_guarantee`: what is proven of both, None without margins.
     `model_tolerance`: how wrong the parameters of the plant may be, of a stable loop.
     """
 
@@ -98,6 +112,7 @@ class Robustness:
     uncertainty_scaling: float | None = None
     margins: tuple[LoopMargins, ...] = ()
     bandwidths: Bandwidths | None = None
+    margins_guarantee: MarginsGuarantee | None = None
     certificate: Certificate | None = None
     guarantee: Guarantee | None = None
     poles_at_origin: int = 0
