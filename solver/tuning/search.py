@@ -401,6 +401,8 @@ class GroupingSearch:
         A long dead time turns the phase between its points, and what looks best on them need not
         be. Returns whether the best optimum now is another one, whose neighbours are not known.
         """
+        if len(self.groups) == 1 and len(self.optima) <= POLISHED:
+            return False  # its neighbours were not looked at, and all optima are made exact
         before = self.optima[0].theta if self.optima else None
         for _ in range(REFINEMENTS):
             if not self.optima:

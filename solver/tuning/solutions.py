@@ -75,6 +75,7 @@ class Solutions:
         self.clock = clock
         self.searches: list[GroupingSearch] = []
         self._known: dict[Freedom, Solution] = {}
+        self._rough: dict[Freedom, GroupingSearch] = {}
         self._planned: set[Freedom] = set()
 
     def solve(self, freedom: Freedom) -> Solution:
@@ -179,6 +180,39 @@ class Solutions:
         self.plan([freedom])
         search = self._search(freedom)
         inherited = self._inherited(search)
+        self._explore(search, inherited)
+        search.swap()
+        search.hop()
+        if search.refine():
+            search.hop()
+        best = self._best(search, inherited)
+        if best is not None:
+            self.clock.tick(best.value)
+        return Solution(search, best)
+
+    def _roughly(self, freedom: Freedom) -> tuple[GroupingSearch, NDArray[np.float64] | None]:
+        """Return a search as another one's start needs it, and its best settings on the grid.
+
+        None: it found none.
+        """
+        if freedom not in self._rough:
+            self.plan([freedom])
+            search = self._rough[freedom] = self._search(freedom)
+            tied = [
+                theta.reshape(len(groups.groups), -1)[list(owner)].ravel()
+                for groups, owner in self._tied(freedom)
+                if (theta := self._roughly(groups)[1]) is not None
+            ]
+            self._explore(search, [*tied, *self._contained(search)])
+            search.hop()
+        search = self._rough[freedom]
+        if search.optima:
+            return search, search.optima[0].theta
+        return search, None if search.closest is None else search.closest.theta
+
+    def _explore(self, search: GroupingSearch, inherited: list[NDArray[np.float64]]) -> None:
+        """Descend from what is known, and from starts until few more optima are to be expected."""
+        freedom = search.freedom
         for theta in [*inherited, *self._less_demanding(freedom, self.specification.demands.names)]:
             search.descend(search.box.clip(theta), count=0)
         self._offer(search)
@@ -192,14 +226,6 @@ class Solutions:
             self.clock.done += 1
             if search.lowest < before:
                 self._offer(search)
-        search.swap()
-        search.hop()
-        if search.refine():
-            search.hop()
-        best = self._best(search, inherited)
-        if best is not None:
-            self.clock.tick(best.value)
-        return Solution(search, best)
 
     def _offer(self, search: GroupingSearch) -> None:
         """Have the exact value of a search's best optimum told: what is kept if it stops here."""
@@ -219,15 +245,20 @@ class Solutions:
 
     def _inherited(self, search: GroupingSearch) -> list[NDArray[np.float64]]:
         """Return the best settings with fewer freedoms, as parameters of this search."""
-        found, freedom = [], search.freedom
-        for tied, owner in self._tied(freedom):
+        found = []
+        for tied, owner in self._tied(search.freedom):
             best = self.solve(tied).candidate
             if best is not None:
                 found.append(best.theta.reshape(len(tied.groups), -1)[list(owner)].ravel())
-        for kind in freedom.kind.contained:
-            lesser = self.solve(replace(freedom, kind=kind))
-            if lesser.candidate is not None:
-                found += self._as_kind(lesser.candidate.theta, lesser.search, search)
+        return [*found, *self._contained(search)]
+
+    def _contained(self, search: GroupingSearch) -> list[NDArray[np.float64]]:
+        """Return the best settings of each kind contained, on its grid, as those of this search."""
+        found = []
+        for kind in search.freedom.kind.contained:
+            lesser, theta = self._roughly(replace(search.freedom, kind=kind))
+            if theta is not None:
+                found += self._as_kind(theta, lesser, search)
         return found
 
     def _less_demanding(
