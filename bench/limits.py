@@ -46,11 +46,18 @@ def integrating() -> ParallelPlant:
     return ParallelPlant(2, own, other)
 
 
+def one_integrates() -> MatrixPlant:
+    """Two units, the first input integrates and meets a dead time towards the second output."""
+    rows = [([1], [1, 0], 0), ([0.5], [3, 1], 0)], [([0.3], [1, 0], 1), ([-2], [4, 1], 0)]
+    return MatrixPlant([[TransferFunction(*each) for each in row] for row in rows])
+
+
 CASES = {
     "parallel": (first_order(2, 1.0, 100.0, 0.949), None),
     "parallel, dead time": (first_order(2, 1.0, 100.0, 0.949, 1.0), None),
     "parallel, 1000 units": (first_order(1000, 1.0, 100.0, 0.95), None),
     "integrating": (integrating(), None),
+    "one integrates": (one_integrates(), None),
     "column": (column(), 10.0),
     **{f"matrix {n}": (drawn(n), None) for n in (2, 3, 4)},
     **{f"matrix {n}, mu": (drawn(n), 20.0) for n in (2, 3, 4, 5, 6)},

@@ -15,6 +15,7 @@ Clarabel takes 30 to 300 times as long on blocks of two to four channels.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -92,6 +93,17 @@ class Inequalities:
     fall: float
     rise: NDArray[np.float64]
 
+    @cached_property
+    def pairs(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Products of the functions (j j, k): real parts, imaginary ones, real with imaginary."""
+        parts = self.functions.real, self.functions.imag
+
+        def product(one: int, two: int) -> NDArray[np.float64]:
+            each = parts[one].T[:, None, :] * parts[two].T[None, :, :]
+            return np.asarray(each.reshape(-1, len(self.functions)))
+
+        return product(0, 0), product(1, 1), product(0, 1)
+
 
 class _Point(NamedTuple):
     """X (j, entries), entries of all blocks side by side; c (k, s); the slack."""
@@ -99,6 +111,14 @@ class _Point(NamedTuple):
     X: NDArray[np.float64]
     c: NDArray[np.float64]
     slack: float
+
+
+class _Matrices(NamedTuple):
+    """A (k, 2 m, m) of one block, the diagonal E (k, 2 m) that weighs its rows, and W (k, m, m)."""
+
+    A: NDArray[np.complex128]
+    E: NDArray[np.float64]
+    W: NDArray[np.complex128]
 
 
 class _Local(NamedTuple):
@@ -125,7 +145,7 @@ def largest_slack(
     count, scales = problem.blocks[0].T.shape[:2]
     start = np.concatenate([each.reshape(functions, -1) for each in X], axis=1)
     point = _Point(start, np.zeros((count, scales)), 0.0)
-    lowest = min(float(np.linalg.eigvalsh(W).min()) for _, _, W in _matrices(problem, point))
+    lowest = min(float(np.linalg.eigvalsh(own.W).min()) for own in _matrices(problem, point))
     point = point._replace(slack=(min(lowest, 0.0) - INSIDE) / problem.fall)
     terms = count * (sum(each.size for each in problem.blocks) + 2 * scales + 1)
     weight = terms / (FIRST_GAP + INSIDE - point.slack)
@@ -142,9 +162,10 @@ def largest_slack(
 
 def _centred(problem: Inequalities, point: _Point, weight: float) -> _Point:
     """Return the point of the central path at `weight`, near enough."""
-    value = _barrier(problem, point, weight)
+    here = _matrices(problem, point)
+    value, roots = _barrier(problem, point, here, weight)
     for _ in range(MAX_NEWTON):
-        change, decrement = _newton(problem, point, weight)
+        change, decrement = _newton(problem, point, here, roots, weight)
         length = 1.0
         while True:
             trial = _Point(
@@ -152,13 +173,14 @@ def _centred(problem: Inequalities, point: _Point, weight: float) -> _Point:
                 point.c + length * change.c,
                 point.slack + length * change.slack,
             )
-            reached = _barrier(problem, trial, weight)
+            there = _matrices(problem, trial)
+            reached, roots = _barrier(problem, trial, there, weight)
             if reached <= value - ENOUGH * length * decrement:
                 break
             length /= 2
             if length < SHORTEST:
                 return point
-        point, value = trial, reached
+        point, value, here = trial, reached, there
         if decrement < CENTRED:
             break
     return point
@@ -170,9 +192,7 @@ def _by_block(problem: Inequalities, X: NDArray[np.float64]) -> list[NDArray[np.
     return [part.reshape(-1, size, size) for part, size in zip(parts, sizes, strict=True)]
 
 
-def _matrices(
-    problem: Inequalities, point: _Point
-) -> list[tuple[NDArray[np.complex128], NDArray[np.float64], NDArray[np.complex128]]]:
+def _matrices(problem: Inequalities, point: _Point) -> list[_Matrices]:
     """Return A, the diagonal of diag(1/(1 + c), I/(1 - h slack)) and W of each block."""
     found = []
     for own, X in zip(problem.blocks, _by_block(problem, point.X), strict=True):
@@ -183,27 +203,40 @@ def _matrices(
         W = (1 - problem.fall * point.slack) * np.eye(own.size) - np.einsum(
             "ks,ksab->kab", point.c, own.T
         )
-        found.append((A, E, W - _adjoint(A) @ (E[:, :, None] * A)))
+        found.append(_Matrices(A, E, W - _adjoint(A) @ (E[:, :, None] * A)))
     return found
 
 
-def _barrier(problem: Inequalities, point: _Point, weight: float) -> float:
-    """-weight slack - sum log det W (1 + c) (1 - c/most) (1 - h slack); infinite outside."""
+def _barrier(
+    problem: Inequalities, point: _Point, matrices: list[_Matrices], weight: float
+) -> tuple[float, list[NDArray[np.complex128]]]:
+    """-weight slack - sum log det W (1 + c) (1 - c/most) (1 - h slack), and the roots of each W.
+
+    Infinite outside.
+    """
     left = 1 - problem.rise * point.slack
     if (point.c <= -1).any() or (point.c >= problem.most).any() or (left <= 0).any():
-        return np.inf
+        return np.inf, []
     value = -weight * point.slack - np.log1p(point.c).sum() - np.log(left).sum()
     value -= np.log1p(-point.c / problem.most).sum()
-    for _, _, W in _matrices(problem, point):
+    roots = []
+    for own in matrices:
         try:
-            root = np.linalg.cholesky(W)
+            root = np.asarray(np.linalg.cholesky(own.W), dtype=np.complex128)
         except np.linalg.LinAlgError:
-            return np.inf
+            return np.inf, []
         value -= 2 * np.log(np.einsum("kaa->ka", root).real).sum()
-    return float(value)
+        roots.append(root)
+    return float(value), roots
 
 
-def _newton(problem: Inequalities, point: _Point, weight: float) -> tuple[_Point, float]:
+def _newton(
+    problem: Inequalities,
+    point: _Point,
+    matrices: list[_Matrices],
+    roots: list[NDArray[np.complex128]],
+    weight: float,
+) -> tuple[_Point, float]:
     """Newton step and its squared decrement."""
     count, scales = point.c.shape
     entries = point.X.shape[1]
@@ -212,10 +245,10 @@ def _newton(problem: Inequalities, point: _Point, weight: float) -> tuple[_Point
         np.zeros((count, shared + scales)), np.zeros((count, shared + scales, shared + scales))
     )
     first = 0
-    for own, (A, E, W) in zip(problem.blocks, _matrices(problem, point), strict=True):
+    for own, here, root in zip(problem.blocks, matrices, roots, strict=True):
         each = np.arange(first, first + own.size**2)
         places = np.concatenate([each, entries + each, np.arange(2 * entries, shared + scales)])
-        local = _local(problem, own, A, E, W)
+        local = _local(problem, own, here, root)
         total.gradient[:, places] += local.gradient
         total.hessian[:, places[:, None], places] += local.hessian
         first += own.size**2
@@ -234,7 +267,7 @@ def _newton(problem: Inequalities, point: _Point, weight: float) -> tuple[_Point
         total.gradient[:, :shared] - (_adjoint(mixed) @ solved[:, :, -1:])[:, :, 0],
         total.hessian[:, :shared, :shared] - _adjoint(mixed) @ solved[:, :, :-1],
     )
-    gradient, hessian = _assembled(reduced, problem.functions)
+    gradient, hessian = _assembled(reduced, problem)
     gradient[-1] -= weight
     change = -_solved(hessian, gradient)
     X, slack = change[:-1].reshape(-1, entries), float(change[-1])
@@ -248,14 +281,14 @@ def _newton(problem: Inequalities, point: _Point, weight: float) -> tuple[_Point
 def _local(
     problem: Inequalities,
     own: Inequality,
-    A: NDArray[np.complex128],
-    E: NDArray[np.float64],
-    W: NDArray[np.complex128],
+    matrices: _Matrices,
+    root: NDArray[np.complex128],
 ) -> _Local:
-    """Gradient and Hessian of -log det W of one block."""
+    """Gradient and Hessian of -log det W of one block, W = root root^H."""
+    A, E, _ = matrices
     m, scales = own.size, len(own.scales)
-    count, entries = len(W), m * m
-    C = np.linalg.inv(np.linalg.cholesky(W))  # W^-1 = C^H C
+    count, entries = len(A), m * m
+    C = np.linalg.inv(root)  # W^-1 = C^H C
     inverse = _adjoint(C) @ C
     P, R = C @ (_adjoint(A) * E[:, None, :]) @ own.U, own.L @ _adjoint(C)
     # Rows of A that the slack and each scale weigh, and how: 1/(1 - h slack) and 1/(1 + c).
@@ -302,21 +335,21 @@ def _local(
 
 
 def _assembled(
-    local: _Local, functions: NDArray[np.complex128]
+    local: _Local, problem: Inequalities
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Gradient and Hessian by (X, slack) from those by (Re Y, Im Y, slack), Y = sum_j b_j X_j."""
     entries = (local.gradient.shape[1] - 1) // 2
-    count = functions.shape[1]
-    parts = [functions.real, functions.imag]
+    count = problem.functions.shape[1]
+    parts = [problem.functions.real, problem.functions.imag]
     places = [slice(0, entries), slice(entries, 2 * entries)]
 
-    def product(one: int, two: int) -> NDArray[np.float64]:
-        pairs = (parts[one][:, :, None] * parts[two][:, None, :]).reshape(len(functions), -1)
-        part = local.hessian[:, places[one], places[two]].reshape(len(functions), -1)
-        return np.asarray((pairs.T @ part).reshape(count, count, entries, entries))
+    def product(pairs: NDArray[np.float64], one: int, two: int) -> NDArray[np.float64]:
+        part = local.hessian[:, places[one], places[two]].reshape(pairs.shape[1], -1)
+        return np.asarray((pairs @ part).reshape(count, count, entries, entries))
 
-    mixed = product(0, 1)
-    by_X = product(0, 0) + product(1, 1) + mixed + mixed.transpose(1, 0, 3, 2)
+    real, imaginary, both = problem.pairs
+    mixed = product(both, 0, 1)
+    by_X = product(real, 0, 0) + product(imaginary, 1, 1) + mixed + mixed.transpose(1, 0, 3, 2)
     size = count * entries
     hessian = np.empty((size + 1, size + 1))
     hessian[:size, :size] = by_X.transpose(0, 2, 1, 3).reshape(size, size)

@@ -2,8 +2,10 @@
 
 C = Q (I - G Q)^-1 in state space. Where the plant has dead time, the model of it inside the
 controller is a Pade quotient; the plant itself keeps its dead time in every analysis after that.
-The integrators are split off and kept exactly. The stable rest is reduced by balanced truncation
-weighted with what it does to N (Enns 1984): a change of C changes D N D^-1 by
+The integrators are split off and kept exactly. An input that integrates by itself needs none in
+the controller for the demand, but a load on it would then leave an error for ever: it gets a slow
+one, C (s + slow)/s. The stable rest is reduced by balanced truncation weighted with what it does to
+N (Enns 1984): a change of C changes D N D^-1 by
 
     [D w_I; -w_P G] (I + C G)^-1 dC (I + G C)^-1 [G D^-1, I],
 
@@ -34,6 +36,8 @@ if TYPE_CHECKING:
 __all__ = ["Reducible", "reducible"]
 
 PADE_ORDER = 12  # exact to 1e-5 up to omega = 3/dead time, beyond which no loop has any gain
+# Of the bandwidth that is asked for: costs the phase that the margin of what is built has in hand.
+INTEGRAL = 3e-3
 NOT_STABLE = 1e-6  # of the bandwidth: poles right of minus this are kept
 NEGLIGIBLE = 1e-12  # Hankel singular values below this share of the largest are rounding
 
@@ -90,10 +94,12 @@ def reducible(search: LimitSearch, found: Found) -> list[Reducible]:
         controller = _controller(mixed, _model(search, own))
         integrators, others = _integrators(controller, own.size)
         unstable, rest = _split(others, NOT_STABLE * search.bandwidth)
-        kept = integrators.beside(unstable)
         if own.integrating.any():
-            kept, rest = _lifted(kept, own), _lift(own).after(rest)
-        parts.append(_balanced(kept, rest, omega, before, after))
+            slow = INTEGRAL * min(1 / found.tau_p, search.bandwidth)
+            integrators, faster = _lifted(integrators, own, slow)
+            lift = _lift(own, slow)
+            unstable, rest = lift.after(unstable), faster.beside(lift.after(rest))
+        parts.append(_balanced(integrators.beside(unstable), rest, omega, before, after))
     return parts
 
 
@@ -155,25 +161,29 @@ def _pade(dead_time: float) -> StateSpace:
     return functools.reduce(StateSpace.after, sections)
 
 
-def _lift(own: YoulaBlock) -> StateSpace:
-    """J: s/(1 + s/f) = f - f^2/(s + f) on the inputs that integrate, 1 on the others."""
-    size = own.size
-    lift = own.integrating.astype(float)
+def _lift(own: YoulaBlock, slow: float) -> StateSpace:
+    """J (s + slow)/s = f + f (slow - f)/(s + f) on the inputs that integrate, 1 on the others."""
+    inputs = np.eye(own.size)[:, own.integrating]
     return StateSpace(
-        -own.fast * np.eye(size),
-        own.fast * np.diag(lift),
-        -own.fast * np.diag(lift),
+        -own.fast * np.eye(inputs.shape[1]),
+        inputs.T,
+        own.fast * (slow - own.fast) * inputs,
         np.diag(np.where(own.integrating, own.fast, 1.0)),
     )
 
 
-def _lifted(kept: StateSpace, own: YoulaBlock) -> StateSpace:
-    """J times the kept part; its integrators and the zeros of J at s = 0 cancel exactly."""
-    if kept.A.any():
-        return _lift(own).after(kept)
-    A = np.diag(np.where(own.integrating, -own.fast, 0.0))
-    gain = np.where(own.integrating, own.fast, 1.0)
-    return StateSpace(A, gain[:, None] * (kept.C @ kept.B), np.eye(own.size), kept.D)
+def _lifted(integrators: StateSpace, own: YoulaBlock, slow: float) -> tuple[StateSpace, StateSpace]:
+    """`_lift` after the integrators: slow/s and (f - slow)/(s + f) for each 1/s."""
+    inputs = np.eye(own.size)[:, own.integrating]
+    gain = np.where(own.integrating, slow, 1.0)[:, None]
+    kept = StateSpace(integrators.A, integrators.B, gain * integrators.C, integrators.D)
+    faster = StateSpace(
+        -own.fast * np.eye(inputs.shape[1]),
+        inputs.T @ integrators.C @ integrators.B,
+        (own.fast - slow) * inputs,
+        0 * integrators.D,
+    )
+    return kept, faster
 
 
 def _controller(Q: StateSpace, G: StateSpace) -> StateSpace:

@@ -216,7 +216,10 @@ class LimitSearch:
     def buildable(self, best: Found) -> Iterator[Found]:
         """Yield controllers with a margin for their realisation, the fastest one first."""
         basis = self._built_basis(BUILT_DENSITY)
-        for margin in MARGINS if self.sought else (1.0,):
+        # T = I at rest, where mu is |w_I| whatever the controller: half of what that leaves.
+        most = (1 + abs(complex(self.uncertainty.weight_of(0)(0.0)))) / 2
+        margins = dict.fromkeys(max(margin, most) for margin in MARGINS)
+        for margin in margins if self.sought else (1.0,):
             if self._enough():
                 return
             self.target = margin

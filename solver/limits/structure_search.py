@@ -199,11 +199,19 @@ class StructureSearch:
             found.append(np.block([[R @ G, R], [S @ G, S]]))
         return found
 
-    def _mu(self, rows: list[tuple[list[NDArray[np.complex128]], float]]) -> NDArray[np.float64]:
-        """Mu (rows, k) of matrices with w_P = 1, each at a tau_P of its own."""
+    def _mu(
+        self,
+        rows: list[tuple[list[NDArray[np.complex128]], float]],
+        among: NDArray[np.intp] | None = None,
+    ) -> NDArray[np.float64]:
+        """Mu (rows, k) of matrices with w_P = 1, each at a tau_P of its own.
+
+        `among` (k,): numbers of their frequencies; None: all of the grid.
+        """
+        omega = self.omega if among is None else self.omega[among]
         weighted = []
         weights = {
-            tau_p: self.performance.with_tau_p(tau_p).magnitude(self.omega)[:, None, None]
+            tau_p: self.performance.with_tau_p(tau_p).magnitude(omega)[:, None, None]
             for tau_p in {tau_p for _, tau_p in rows}
         }
         for parts, tau_p in rows:
@@ -280,10 +288,10 @@ class StructureSearch:
         self, theta: NDArray[np.float64], tau_p: float | None, near: float | None = None
     ) -> float:
         """Log of the peak of mu at `tau_p`, or, where that is None, of the least tau_P."""
-        parts = self._parts(theta)
+        parts, among = self._parts(theta), np.arange(self.omega.size)
 
         def peak(level: float) -> float:
-            return float(np.log(self._mu([(parts, math.exp(level))])).max())
+            return float(np.log(self._mu([(parts, math.exp(level))], among)).max())
 
         if tau_p is not None:
             return peak(math.log(tau_p))
@@ -299,6 +307,9 @@ class StructureSearch:
                 low = high
                 if low >= slowest:
                     return math.inf
+        # mu falls with tau_P at every frequency: what is met at `low` is met at all that follow.
+        among = np.flatnonzero(self._mu([(parts, math.exp(low))])[0] > 1)
+        parts = [part[among] for part in parts]
         return float(brentq(peak, low, high, xtol=DIGITS))
 
     def _descend(

@@ -91,9 +91,15 @@ def youla_blocks(blocks: LoopBlocks, fast: float) -> tuple[YoulaBlock, ...]:
         Elements with double poles at s = 0, or integrators that do not belong to inputs.
 
     """
-    s = NEAR_ZERO * float(corners(blocks.plant).min()) * np.array([1.0, 0.5])
+    plant = blocks.plant
+    s = NEAR_ZERO * float(corners(plant).min()) * np.array([1.0, 0.5])
+    if all(element.is_zero or element.den[-1] != 0 for element in plant.elements):
+        # The static gain itself, without the digits that the limit towards s = 0 loses.
+        for index, (gain,) in enumerate(blocks(np.zeros(1, dtype=np.complex128))):
+            if is_singular(gain.real):
+                _refuse_singular(parallel=plant.interchangeable, index=index)
     return tuple(
-        _youla_block(index, G.real, s, fast, parallel=blocks.plant.interchangeable)
+        _youla_block(index, G.real, s, fast, parallel=plant.interchangeable)
         for index, G in enumerate(blocks(s.astype(np.complex128)))
     )
 

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import functools
+import math
+from dataclasses import replace
 
 import control
 import numpy as np
 import pytest
 from ctrlsys import ab13md
 
-from solver.limits import search
+from solver.limits import multivariable, search
 from solver.limits.lower_bound import Limitation, lower_bound
 from solver.limits.multivariable import multivariable_limit
 from solver.limits.record import Limit, LimitStatus, Realised
@@ -18,7 +20,7 @@ from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError, UnsupportedPlantError
 from solver.model.mode_controller import ModeController
 from solver.model.plants import MatrixPlant, ParallelPlant, Plant, first_order
-from solver.model.state_space import StateSpace
+from solver.model.state_space import MAX_STATES, StateSpace
 from solver.model.transfer_function import TransferFunction
 from solver.model.weights import Performance, Structure, Uncertainty
 from solver.mu.scaling import upper_bound
@@ -35,6 +37,9 @@ COLUMN = MatrixPlant(
 )
 RIGHT = ParallelPlant(1, TransferFunction([-3, 1], [100, 1]), TransferFunction([0], [1]))
 SEED = first_order(2, 1.0, 100.0, 0.949)
+INTEGRATING = ParallelPlant(
+    2, TransferFunction([1], [100, 1, 0]), TransferFunction([0.5], [100, 1, 0])
+)
 
 
 @functools.cache
@@ -183,7 +188,7 @@ def test_single_loops_are_no_faster() -> None:
     "plant",
     [
         RIGHT,
-        ParallelPlant(2, TransferFunction([1], [100, 1, 0]), TransferFunction([0.5], [100, 1, 0])),
+        INTEGRATING,
         first_order(3, 1.0, 100.0, -0.45),
         first_order(2, 1.0, 1.0, 0.5, 3.0),
     ],
@@ -217,6 +222,67 @@ def test_built_controller_is_checked_by_poles_and_ab13md() -> None:
     assert np.count_nonzero(np.abs(K.poles) < 1e-9) == 2  # integral action in both directions
     gain = np.array([[1, 0.949], [0.949, 1]])
     _check(K, gain, 100.0, realised.tau_p)
+
+
+def test_a_load_on_an_integrating_input_leaves_no_error() -> None:
+    """The demand needs no integrator there, the plant has it; what is built has one too."""
+    realised = limit(INTEGRATING).realised
+    assert realised is not None
+    assert isinstance(realised.controller, ModeController)
+    for part in (realised.controller.total, realised.controller.difference):
+        assert np.count_nonzero(part.poles == 0) == 1
+        near, far = np.abs(part(np.array([1e-9 + 0j, 1e-10 + 0j])))[:, 0, 0]
+        assert far == pytest.approx(10 * near, rel=1e-3)  # and it is seen in what the part puts out
+
+
+def _reached(peak: float, omega: float) -> Realised:
+    """A controller's claim, its peak of mu put in."""
+    calm = StateSpace([[0.0]], [[1.0]], [[0.1]], [[1.0]])
+    found = analyse_centralised(RIGHT, UNCERTAINTY, Performance(tau_p=1e3), calm, proof=False)
+    assert found.peaks is not None
+    peaks = replace(
+        found.peaks,
+        robust_performance=replace(found.peaks.robust_performance, value=peak, omega=omega),
+    )
+    return Realised(calm, 1, 1e3, replace(found, peaks=peaks))
+
+
+@pytest.mark.parametrize("mended", [True, False])
+def test_a_peak_that_a_reduction_leaves_between_the_frequencies_is_found(
+    mended: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is looked at in the next reduction; a controller that keeps it is none."""
+    task = LimitSearch(RIGHT, UNCERTAINTY, Performance(tau_p=1e3))
+    omega = np.geomspace(1e-3, 10, 9)
+    basis = task._built_basis(1.0)  # noqa: SLF001
+    found = Found([np.zeros((basis.size, 1, 1))], basis, 0.6, 1e3, omega, np.ones((9, 1)))
+    looked_at = []
+
+    def reduced(*given):
+        looked_at.append(given[-1])
+        return ()
+
+    def analysed(*_):
+        return _reached(0.6 if mended and len(looked_at) > 1 else 3.6e9, 0.123)
+
+    monkeypatch.setattr(multivariable, "_reduced", reduced)
+    monkeypatch.setattr(multivariable, "_analysed", analysed)
+    built = multivariable._built(task, found, [], 0.61)  # noqa: SLF001
+    assert (built is not None) == mended
+    assert np.diff(np.log(looked_at[0])).max() < 0.2 * math.log(10**0.5)  # between the nine too
+    assert 0.123 not in looked_at[0]
+    assert all(0.123 in each for each in looked_at[1:])
+
+
+def test_a_controller_on_its_way_may_have_more_states_than_a_request() -> None:
+    """400 states are the most that is taken in; sums and series of them go beyond."""
+    states = MAX_STATES // 2 + 1
+    half = StateSpace(-np.eye(states), np.ones((states, 1)), np.ones((1, states)), [[0.0]])
+    whole = half.beside(half)
+    assert whole.states > MAX_STATES
+    assert whole(np.array([1.0 + 0j]))[0, 0, 0] == pytest.approx(states)
+    with pytest.raises(InvalidInputError, match="states"):
+        analyse_centralised(RIGHT, UNCERTAINTY, Performance(tau_p=9.0), whole)
 
 
 @functools.cache
@@ -369,6 +435,9 @@ def test_plants_that_are_not_covered_are_refused() -> None:
     performance = Performance()
     with pytest.raises(InvalidInputError, match="differences is singular"):
         multivariable_limit(first_order(2, 1.0, 10.0, 1.0), UNCERTAINTY, performance)
+    unlike = [[TransferFunction([1.0], [lag, 1.0]) for lag in row] for row in ((10, 5), (3, 8))]
+    with pytest.raises(InvalidInputError, match="static gain is singular"):
+        multivariable_limit(MatrixPlant(unlike), UNCERTAINTY, performance)
     lag = TransferFunction([1.0], [1.0, 1.0])
     large = MatrixPlant([[lag] * 7] * 7)
     with pytest.raises(InvalidInputError, match="up to 6 units"):
