@@ -42,7 +42,7 @@ def advice(
     loops : sequence of Controller
         The settings, one a unit.
     peak : float
-        Of mu of robust performance.
+        Of mu of robust performance, the highest of all plants that the settings must serve.
 
     """
     found = []

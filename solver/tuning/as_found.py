@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from solver.model.errors import InvalidInputError
+from solver.model.neighbours import NeighbourPlant
 from solver.robustness.axis import proven_peaks
 from solver.robustness.margins import loop_margins
 from solver.stability.closed_loop import is_stable
@@ -41,7 +42,9 @@ def as_found(specification: Specification, performance: Performance | None) -> A
         return None
     plant = specification.plant
     stable = is_stable(plant, loops)
-    margins = loop_margins(plant, loops, stable=stable)
+    # Of more units than a matrix has, a ring or a row without one unit is none any more.
+    many = isinstance(plant, NeighbourPlant)
+    margins = () if many else loop_margins(plant, loops, stable=stable)
     if not stable:
         return AsFound(
             None, None, nominally_stable=False, margins=margins,

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from solver.model.plants import Plant
     from solver.tuning.beside import AsFound, SettingsTolerance
     from solver.tuning.record import Comparison, Tuning
+    from solver.tuning.scenarios import Case
     from solver.tuning.specification import Specification
 
 __all__ = ["plain_advice"]
@@ -41,13 +42,17 @@ NO_WORSE = 1e-5  # of mu: loops whose integral time went to the end of its box d
 LOWER_HURTS = 1e-3  # of mu above 1, from which lower gains are said not to be safer
 
 
-def plain_advice(specification: Specification, tuning: Tuning) -> tuple[str, ...]:
-    """Return what the numbers of a result mean for whoever uses the settings."""
+def plain_advice(
+    specification: Specification, tuning: Tuning, deciding: Case, omega: float
+) -> tuple[str, ...]:
+    """Return what the numbers of a result mean for whoever uses the settings.
+
+    `deciding` is the case that has the highest peak of mu, at `omega`.
+    """
     found: list[str] = []
     if tuning.comparison is not None and tuning.comparison.gain_percent < WORTH_IT:
         found += _identical_suffice(tuning, tuning.comparison)
-    if tuning.peaks is not None:
-        found += _limited_by(specification, tuning, tuning.peaks.robust_performance.omega)
+    found += _limited_by(specification, tuning, deciding, omega)
     found += _alone(specification, tuning)
     found += _without_integral_action(specification, tuning)
     if tuning.as_found is not None:
@@ -116,23 +121,28 @@ def _mu_without(specification: Specification, tuning: Tuning, units: Sequence[in
     return mu if mu <= reached * (1 + NO_WORSE) else None
 
 
-def _limited_by(specification: Specification, tuning: Tuning, omega: float) -> Iterator[str]:
+def _limited_by(
+    specification: Specification, tuning: Tuning, case: Case, omega: float
+) -> Iterator[str]:
     """Say which unit's output is the weak direction of S where mu is highest."""
-    plant = specification.plant
-    if not 1 < plant.n <= MAX_MATRIX_SIZE or len(tuning.loops) != plant.n:
+    plant = case.plant
+    if specification.plant.n == 1 or plant.n > MAX_MATRIX_SIZE:
         return
     at = np.array([omega])
     G = plant.response(at)[0]
-    c = np.array([loop.response(at)[0] for loop in tuning.loops])
-    e = np.array(specification.performance.output_scale or (1.0,) * plant.n)
+    c = np.array([loop.response(at)[0] for loop in case.loops(tuning.loops)])
+    e = np.array(case.performance.output_scale or (1.0,) * plant.n)
     S = np.linalg.inv(np.eye(plant.n) + G * c) * (e / e[:, None])
     directions, sizes, _ = np.linalg.svd(S)
     share = np.abs(directions[:, 0]) ** 2
-    unit = int(share.argmax())
+    place = int(share.argmax())
     # Among like directions the weakest is none of them in particular.
-    if share[unit] >= CHIEFLY and sizes[0] >= APART * sizes[1]:
+    if share[place] >= CHIEFLY and (plant.n == 1 or sizes[0] >= APART * sizes[1]):
         name = "tau_P" if specification.objective is Objective.TAU_P else "mu"
-        yield f"{name} is limited by loop {unit + 1} at {omega:.3g} rad per time unit."
+        where = f"loop {case.units[place] + 1} at {omega:.3g} rad per time unit"
+        if case.scenarios[0] != 0:
+            where += f", in scenario {specification.name_of(case)!r}"
+        yield f"{name} is limited by {where}."
 
 
 def _alone(specification: Specification, tuning: Tuning) -> Iterator[str]:

@@ -122,6 +122,7 @@ def report(
         warnings.append(
             "no outcome of each scenario: the search was stopped or its time limit came first"
         )
+    deciding = end.deciding
     result = Tuning(
         status=status,
         objective=specification.objective.value,
@@ -146,13 +147,18 @@ def report(
         model_tolerance=_model_tolerance(specification, end),
         as_found=as_found(specification, end.performance),
         advice=advice(
-            specification, end.performance, end.loops, end.peaks.robust_performance.value
-        ),
+            specification, end.performance, end.loops,
+            end.axes[deciding].peaks.robust_performance.value,
+        ),  # fmt: skip
         warnings=tuple(warnings),
     )
     if specification.rough:
         return result
-    return replace(result, advice=(*result.advice, *plain_advice(specification, result)))
+    said = plain_advice(
+        specification, result, search.cases[deciding],
+        end.axes[deciding].peaks.robust_performance.omega,
+    )  # fmt: skip
+    return replace(result, advice=(*result.advice, *said))
 
 
 def _none_kept(

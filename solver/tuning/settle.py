@@ -58,6 +58,12 @@ class Settled:
         """Of the plant of the task itself."""
         return self.axes[0].peaks
 
+    @property
+    def deciding(self) -> int:
+        """Which case has the highest peak; of those that differ by rounding the first one."""
+        tops = [axis.peaks.robust_performance.value for axis in self.axes]
+        return next(i for i, top in enumerate(tops) if top >= max(tops) * (1 - WORSE))
+
 
 def settled(
     specification: Specification, search: GroupingSearch, candidate: Candidate, clock: Clock | None

@@ -291,3 +291,20 @@ def test_the_command_takes_rings_and_rows(tmp_path: Any) -> None:
     assert isinstance(task.plant, MatrixPlant)
     assert task.plant.element(0, 2).is_zero
     assert tune(task).guarantee.status == "proven"  # type: ignore[union-attr]
+
+
+def test_settings_of_today_are_judged_in_a_long_row_and_ring() -> None:
+    """Of more units than a matrix has they have a tau_P, and no margins."""
+    today = (Controller(5.0, 30.0),) * 12
+    for ring in (False, True):
+        plant = NeighbourPlant(12, PROCESS, (NEAR,), ring=ring)
+        found = tune(
+            Specification(
+                plant, UNCERTAIN, Performance(), arrangement="identical", starts=1,  # type: ignore[arg-type]
+                as_found=today,
+            )
+        ).as_found  # fmt: skip
+        assert found is not None
+        assert found.nominally_stable
+        assert found.tau_p is not None
+        assert found.margins == ()

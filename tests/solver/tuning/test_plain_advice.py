@@ -10,7 +10,9 @@ from solver.model.plants import MatrixPlant, ParallelPlant, first_order
 from solver.model.transfer_function import TransferFunction
 from solver.model.weights import Performance, Uncertainty
 from solver.robustness.axis import proven_peaks
+from solver.tuning.scenarios import Scenario
 from solver.tuning.specification import Arrangement, Specification
+from solver.tuning.spread import Spread
 from solver.tuning.tuner import tune
 
 TASK = Specification(first_order(2, 1, 100, 0.949), Uncertainty.from_error(0.2, 1), Performance())
@@ -59,6 +61,21 @@ def test_unit_that_limits_is_the_slow_one() -> None:
     ]
     (sentence,) = said(replace(TASK, plant=MatrixPlant(rows)), "is limited by")
     assert "loop 2" in sentence
+
+
+def test_advice_is_that_of_the_scenario_that_decides() -> None:
+    """Where a spread decides, mu of the plant as given leaves no room for larger weights."""
+    task = replace(TASK, spread=Spread(interaction=0.02), starts=6)
+    found = tune(task)
+    assert found.active == "spread"
+    assert found.peaks is not None
+    assert found.peaks.robust_performance.value < 0.999
+    assert not any("may grow" in sentence for sentence in found.advice)
+    worse = Scenario("out", in_service=(0,), uncertainty=Uncertainty.from_error(0.4, 5))
+    task = replace(TASK, plant=first_order(2, 1, 100, 0.2), scenarios=(worse,), starts=6)
+    (sentence,) = said(task, "is limited by")
+    assert "loop 1 at" in sentence
+    assert sentence.endswith("in scenario 'out'.")
 
 
 def test_no_unit_is_named_where_all_are_alike() -> None:
