@@ -147,9 +147,11 @@ def report(
         model_tolerance=_model_tolerance(specification, end),
         as_found=as_found(specification, end.performance),
         advice=advice(
-            specification, end.performance, end.loops,
+            specification,
+            end.performance,
+            end.loops,
             end.axes[deciding].peaks.robust_performance.value,
-        ),  # fmt: skip
+        ),
         warnings=tuple(warnings),
     )
     if specification.rough:
