@@ -17,11 +17,16 @@ if TYPE_CHECKING:
     from solver.model.plants import Plant
     from solver.tuning.groupings import Groups
 
-__all__ = ["LoopsAlone"]
+__all__ = ["LoopsAlone", "least_level"]
 
 PER_DECADE = 60  # a peak between two points is missed by less than `MARGIN`
 MARGIN = 1e-3  # relative, of the permitted peak
 BEYOND = 1e2  # of the plant's corners
+
+
+def least_level(max_sensitivity: float) -> float:
+    """Return the least log |1 + g c|^2 that a permitted peak leaves, with a margin."""
+    return min(-2 * math.log(max_sensitivity * (1 - MARGIN)), 0.0)
 
 
 @dataclass(frozen=True)
@@ -38,6 +43,8 @@ class LoopsAlone:
         Controller of each loop.
     demand : float
         Least log |1 + g c|^2.
+    tells_stability : bool
+        Whether the grid does; else it is looked at elsewhere, and `levels` says nothing of it.
 
     """
 
@@ -45,6 +52,7 @@ class LoopsAlone:
     g: NDArray[np.complex128]
     owners: NDArray[np.int64]
     demand: float
+    tells_stability: bool = True
 
     @classmethod
     def of(cls, plant: Plant, groups: Groups, max_sensitivity: float) -> LoopsAlone:
@@ -55,8 +63,8 @@ class LoopsAlone:
         own = [group[:1] if plant.interchangeable else group for group in groups]
         pairs = [(owner, unit) for owner, units in enumerate(own) for unit in units]
         g = np.stack([plant.element(unit, unit).response(omega) for _, unit in pairs], axis=1)
-        demand = -2 * math.log(max_sensitivity * (1 - MARGIN))
-        return cls(omega, g, np.array([owner for owner, _ in pairs]), min(demand, 0.0))
+        owners = np.array([owner for owner, _ in pairs])
+        return cls(omega, g, owners, least_level(max_sensitivity))
 
     def levels(
         self, theta: NDArray[np.float64], signs: NDArray[np.float64], *, lead: bool
@@ -73,5 +81,5 @@ class LoopsAlone:
             slope = self.g[:, loop, None] * dc[:, owner] / E[:, loop, None]
             gradient[:, loop, owner * per : (owner + 1) * per] = 2 * slope.real
         level = 2 * np.log(np.abs(E))
-        stable = bool(winds_as_stable(E, self.omega))
+        stable = not self.tells_stability or bool(winds_as_stable(E, self.omega))
         return level.ravel(), gradient.reshape(-1, theta.size), stable

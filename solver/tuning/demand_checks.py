@@ -15,8 +15,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.model.controllers import DERIVATIVE_FILTER
+from solver.model.measured import MeasuredPlant
 from solver.model.subsystems import interchangeable, subsystem
 from solver.robustness.margins import loop_margins
+from solver.robustness.sets_on_data import sensitivity_alone_on_data
 from solver.tuning.demands import DemandOutcome, IntegrityDemand
 from solver.tuning.service_sets import integrity_value
 
@@ -104,6 +106,8 @@ def _load_error(loop: Controller) -> float:
 
 
 def _sensitivity_alone(plant: Plant, loops: Sequence[Controller]) -> float:
+    if isinstance(plant, MeasuredPlant):
+        return sensitivity_alone_on_data(plant, loops)
     peaks = []
     for units in interchangeable(plant, loops):
         (row,) = loop_margins(*subsystem(plant, loops, units[:1]))

@@ -26,12 +26,13 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from solver.model.weights import Performance
     from solver.tuning.search import GroupingSearch
     from solver.tuning.settle import Settled
     from solver.tuning.specification import Specification
     from solver.tuning.together import Together
 
-__all__ = ["fine_objective", "tolerance"]
+__all__ = ["fine_objective", "moves", "tolerance"]
 
 ALLOWED = 0.05  # share of tau_P, or of mu, that moves of the settings may cost
 POINTS_PER_DECADE = 44  # a peak between them, even a kink, exceeds them by less than 1e-4
@@ -55,14 +56,41 @@ def tolerance(
     Every value is of a fine grid of frequencies, as settings elsewhere on it are stable. Of many
     scenarios those count that the search keeps in sight.
     """
-    theta, tau_p = end.candidate.theta, end.performance.tau_p
-    assert tau_p is not None  # noqa: S101 - for the type checker
+    fine = fine_objective(search)
     peak = max(axis.peaks.robust_performance.value for axis in end.axes)
-    fine = fine_objective(search).having(alone=None, service=None)
-    objective = fine.having(goal=MuGoal(end.performance))
-    if specification.objective is Objective.TAU_P:
+    return moves(specification.objective, fine, end.candidate.theta, end.performance, peak)
+
+
+def moves(
+    sought: Objective,
+    fine: Together,
+    theta: NDArray[np.float64],
+    performance: Performance,
+    peak: float,
+) -> SettingsTolerance:
+    """Return how far settings may be moved, as the frequencies of an objective tell.
+
+    Parameters
+    ----------
+    sought : Objective
+        What was made small.
+    fine : Together
+        Levels of everything that the settings must serve.
+    theta : (m,)
+        The settings.
+    performance : Performance
+        The demand with the tau_P of the result.
+    peak : float
+        Of mu, the highest of all.
+
+    """
+    tau_p = performance.tau_p
+    assert tau_p is not None  # noqa: S101 - for the type checker
+    fine = fine.having(alone=None, service=None)
+    objective = fine.having(goal=MuGoal(performance))
+    if sought is Objective.TAU_P:
         level, longer = 1.0, (1 + ALLOWED) * tau_p
-        judged = fine.having(goal=MuGoal(end.performance.with_tau_p(longer)))
+        judged = fine.having(goal=MuGoal(performance.with_tau_p(longer)))
     else:
         level, longer = max(1.0, (1 + ALLOWED) * peak), tau_p
         judged = objective

@@ -8,32 +8,40 @@ Stability is decided by the turns of det(I + G C) on the data (`solver.stability
 from __future__ import annotations
 
 import math
-from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solver.model.blocks import reduce
 from solver.model.errors import UnsupportedPlantError
 from solver.model.measured import MeasuredPlant
 from solver.model.transfer_function import LARGEST
-from solver.model.weights import Performance
-from solver.mu.kernel import FINE
 from solver.robustness.on_data import data_analysis, demand_unseen, on_data, peaks_of
-from solver.stability.on_data import Undecided, at_rest, unstable_poles_on_data
+from solver.stability.on_data import at_rest
+from solver.tuning.advice import advice
 from solver.tuning.as_found_on_data import as_found_on_data
+from solver.tuning.beside import PriceOfResolution
 from solver.tuning.clock import Clock, OutOfTimeError
-from solver.tuning.demand_checks import outcomes, planes
-from solver.tuning.demands import IntegrityDemand
-from solver.tuning.goals import MuGoal, TauGoal
-from solver.tuning.groupings import named_partition
-from solver.tuning.minimax import Box
-from solver.tuning.objective import LoopObjective
-from solver.tuning.phases import EXACT, Phases
-from solver.tuning.record import LocalOptimum, SearchSummary, Status, Tuning
+from solver.tuning.data_search import DataSearch
+from solver.tuning.demand_checks import outcomes
+from solver.tuning.groupings import identical_groups, named_partition
+from solver.tuning.lattice import Lattice
+from solver.tuning.nearby import moves
+from solver.tuning.phases import EXACT
+from solver.tuning.plain_advice import plain_advice
+from solver.tuning.record import (
+    Comparison,
+    LocalOptimum,
+    ScenarioOutcome,
+    SearchSummary,
+    Status,
+    Tuning,
+)
+from solver.tuning.scenario_outcomes import binding, overall
+from solver.tuning.scenarios import AS_GIVEN
+from solver.tuning.settle import SPREAD_ROUNDS, WORSE
 from solver.tuning.specification import Arrangement, Objective, Signs, Specification
-from solver.tuning.together import Together
+from solver.tuning.spread import SPREAD
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -41,31 +49,20 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from solver.model.controllers import Controller
-    from solver.tuning.objective import Evaluation
+    from solver.model.weights import Performance
+    from solver.robustness.record import Curves, Peaks
+    from solver.tuning.demands import DemandOutcome
+    from solver.tuning.phases import Phases
     from solver.tuning.record import Progress
 
 __all__ = ["tune_on_data"]
 
-ROUGH, ROUGH_NU = 1e-5, 1e-4  # tolerance in s of a start's descent, and its barrier parameter
-STARTS_PER_PARAMETER = 4
-SAME = 5e-3  # difference of s below which optima may be one,
-SAME_PLACE = 0.05  # and of the log parameters
-POLISHED = 3
-GAIN_STEP, GAIN_STEPS = 0.3, 12  # an unstable start is tried again with this share of its gains
-BEYOND = 1e3  # how much wider the box is than the region of the starts
 ROUNDING = 1e-9  # relative addition to tau_P that keeps mu <= 1 under rounding
-LEAD = math.pi / 2  # phase that a derivative can add
-HALF_POWER = math.sqrt(0.5)
-AT_BOUND = 1e-6  # in log
-GRACE = 2.0  # seconds after the end, in which the best so far is made exact
+LARGEST_S = math.log(LARGEST)  # of tau_P, or mu^2, that is no number to be told any more
+WORTH_IT = 1.0  # per cent that unlike settings must gain before 'best' prefers them
 
-# What the data cannot answer, or nobody needs of them; with the field that asks for it.
-_NOT_OFFERED = (
-    ("scenarios", "/scenarios", "scenarios"),
-    ("spread", "/spread", "a spread of parameters"),
-    ("resolution", "/controller/resolution", "a resolution of the settings"),
-    ("optimality_gap", "/search/optimality_gap", "a proof of optimality"),
-)
+# What the data cannot answer; with the field that asks for it.
+_NOT_OFFERED = (("optimality_gap", "/search/optimality_gap", "a proof of optimality"),)
 
 
 def tune_on_data(
@@ -88,43 +85,24 @@ def tune_on_data(
     """
     plant = specification.plant
     assert isinstance(plant, MeasuredPlant)  # noqa: S101 - for the type checker: who calls knows
-    _refuse_what_data_lack(specification)
-    return _Run(specification, plant, at_rest(plant), progress).result()
-
-
-def _refuse_what_data_lack(specification: Specification) -> None:
     for name, where, words in _NOT_OFFERED:
         if getattr(specification, name):
             message = f"a plant given as frequency response does not serve {words}"
             raise UnsupportedPlantError(message, where)
-    demands = specification.demands
-    if demands.integrity is not IntegrityDemand.NONE:
-        message = "integrity is not decided on a frequency response: give transfer functions"
-        raise UnsupportedPlantError(message, "/demands/integrity")
-    if demands.max_sensitivity_alone is not None:
-        message = "the sensitivity between the frequencies of the data is not known: give "
-        message += "transfer functions"
-        raise UnsupportedPlantError(message, "/demands/max_sensitivity_alone")
-    if specification.arrangement is Arrangement.BEST:
-        message = "on a frequency response, name the arrangement: identical, independent, grouped"
-        raise UnsupportedPlantError(message, "/controller/arrangement")
     if specification.signs is Signs.ANY:
         message = "on a frequency response the signs of the gains are those of its static gain"
         raise UnsupportedPlantError(message, "/controller/signs")
+    return _Run(specification, plant, at_rest(plant), progress).result()
 
 
-@dataclass(frozen=True, eq=False)
-class _DataObjective(LoopObjective):
-    """Levels at the frequencies of the data; stability as the data decide it."""
+@dataclass(frozen=True)
+class _End:
+    """Settings of a search, and the s that all of its cases have with them."""
 
-    static_gain: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
-
-    def _is_stable(self, theta: NDArray[np.float64], det: NDArray[np.complex128]) -> bool:
-        del det
-        loops = self.blocks.expand(self.controllers(theta))
-        plant = self.blocks.plant
-        assert isinstance(plant, MeasuredPlant)  # noqa: S101 - for the type checker
-        return unstable_poles_on_data(plant, self.static_gain, loops) == 0
+    search: DataSearch
+    theta: NDArray[np.float64]
+    loops: tuple[Controller, ...]
+    value: float
 
 
 class _Run:
@@ -132,264 +110,290 @@ class _Run:
 
     def __init__(
         self,
-        specification: Specification,
+        task: Specification,
         plant: MeasuredPlant,
         gain: NDArray[np.float64],
         progress: Callable[[Progress], bool | None] | None,
     ) -> None:
-        self.specification, self.plant, self.gain = specification, plant, gain
-        self.groups = named_partition(specification)
-        self.signs = np.array([-1.0 if gain[g[0], g[0]] < 0 else 1.0 for g in self.groups])
-        self._require_one_sign()
-        self.clock = Clock(specification.time_limit, progress, self._as_objective)
-        performance, uncertainty = specification.performance, specification.uncertainty
-        tau = specification.objective is Objective.TAU_P
-        part = _DataObjective(
-            blocks=reduce(plant, self.groups, uncertainty, performance.output_scale),
-            uncertainty=uncertainty,
-            goal=TauGoal(performance) if tau else MuGoal(performance),
-            kind=specification.kind,
-            signs=self.signs,
-            omega=plant.omega,
-            nu=ROUGH_NU,
-            static_gain=gain,
-        )
-        self.objective = Together((part,))
-        slow = Performance(performance.max_peak, performance.offset)
-        self.box, self.region = self._boxes()
-        feasibility = self.objective.having(goal=MuGoal(slow))
-        self.phases = Phases(feasibility, self.box, self.clock.tick)
-        self.optima: list[_Optimum] = []
+        self.task, self.plant, self.gain = task, plant, gain
+        self.clock = Clock(task.time_limit, progress, self._as_objective)
+        self.late = False
 
     def result(self) -> Tuning:
         """Search, choose, report."""
-        status = Status.OPTIMAL if self.specification.start is None else Status.LOCAL
-        starts = self._starts()
-        self.clock.total = len(starts)
-        try:
-            for theta in starts:
-                self._descend(theta)
-                self.clock.done += 1
-                self.clock.tick()
-            best = self._polished()
-        except OutOfTimeError:
-            status = Status.TIME_LIMIT
-            self.clock.grant(GRACE)
-            best = None
-            with suppress(OutOfTimeError):
-                best = self._polished()
-        return self._report(best, status)
+        task, n = self.task, self.plant.n
+        best_sought = task.arrangement is Arrangement.BEST
+        groups = tuple((unit,) for unit in range(n)) if best_sought else named_partition(task)
+        one: _End | None = None
+        alike = identical_groups(self.plant)
+        one_sign = len({float(np.sign(self.gain[u, u])) for u in range(n)}) == 1
+        if len(groups) > 1 and one_sign and task.start is None:
+            one = self._ended(DataSearch(task, alike, self.gain, self.clock))
+        beside = None if one is None else np.tile(one.theta, len(groups))
+        search = DataSearch(task, groups, self.gain, self.clock, beside)
+        end = self._ended(search)
+        if one is not None and (end is None or end.value >= one.value):
+            end = one if best_sought else _spread_out(one, search)
+        comparison = self._comparison(one, end)
+        if best_sought and comparison is not None and comparison.gain_percent < WORTH_IT:
+            end = one
+        if end is None:
+            return self._without(search, *self._why(search))
+        price = None
+        if task.resolution is not None:
+            exact = end
+            try:
+                typed = self._typed(exact)
+            except OutOfTimeError:
+                self.late = True
+                reason = "the time limit came before numbers that the controllers accept were found"
+                return self._without(search, reason, None)
+            if typed is None:
+                value = self._as_objective(exact.value)
+                reason = (
+                    "no numbers that the resolution permits were found that keep the demand; with "
+                    f"exact ones {task.objective.value} = {value:.6g}"
+                )
+                return self._without(search, reason, None)
+            end, price = typed, self._price(exact, typed)
+        return self._report(end, price, comparison)
 
     def _as_objective(self, s: float) -> float:
-        return math.exp(s if self.specification.objective is Objective.TAU_P else s / 2)
+        return math.exp(s if self.task.objective is Objective.TAU_P else s / 2)
 
-    def _require_one_sign(self) -> None:
-        for index, (group, sign) in enumerate(zip(self.groups, self.signs, strict=True)):
-            for unit in group:
-                if self.gain[unit, unit] * sign <= 0:
-                    message = (
-                        f"loops {group[0] + 1} and {unit + 1} have static gains of opposite signs, "
-                        "or none: they cannot share one controller gain"
-                    )
-                    raise UnsupportedPlantError(message, f"/controller/groups/{index}")
+    def _ended(self, search: DataSearch) -> _End | None:
+        best = search.run()
+        self.late = self.late or search.late
+        if best is None:
+            return None
+        value = max([*search.of_all(best.theta), -math.inf])
+        if not value <= LARGEST_S:
+            return None
+        loops = search.objective.controllers(best.theta)
+        return _End(search, best.theta, _expanded(search, loops), value)
 
-    def _boxes(self) -> tuple[Box, Box]:
-        """Return the box of the log parameters, and that of the starts.
+    def _comparison(self, one: _End | None, end: _End | None) -> Comparison | None:
+        """Return what unlike settings gain over identical ones."""
+        if one is None or end is None:
+            return None
+        identical = self._as_objective(one.value)
+        gain = 100 * (1 - self._as_objective(end.value) / identical)
+        return Comparison(identical, one.loops[0], gain)
 
-        As `solver.tuning.bounds` has them for transfer functions, from what the data show. No time
-        is longer than the slowest period of the data tells.
-        """
-        plant, task = self.plant, self.specification
-        omega, names = plant.omega, task.kind.parameters
-        ends: tuple[list[float], ...] = ([], [], [], [])
-        for group in self.groups:
-            own = [self._crossover(unit) for unit in group]
-            crossover = max(own)
-            there = int(np.searchsorted(omega, crossover, side="right")) - 1
-            unit = group[own.index(crossover)]
-            size = np.abs(plant.values[:, unit, unit])
-            gain = max(float(size[there]), 1e-6 * float(size.max()))
-            strongest = float(np.linalg.norm(plant.values[: there + 1], 2, axis=(1, 2)).max())
-            bent = omega[size < HALF_POWER * size[0]]
-            slowest = min(float(bent[0]) if bent.size else crossover, crossover)
-            times = 0.01 / crossover, 10 / slowest
-            for name in names:
-                usual = times
-                if name == "gain":
-                    usual = 0.1 / max(strongest, gain), 30 / gain
-                elif name == "filter_time":
-                    usual = 0.1 * times[0], times[1]
-                given = getattr(task.bounds, name)
-                widest = usual[1] * BEYOND
-                if name == "integral_time":
-                    widest = max(1 / float(omega[0]), usual[0] * BEYOND)
-                outer = given or (usual[0] / BEYOND, min(widest, LARGEST))
-                inner = max(usual[0], outer[0]), min(usual[1], outer[1])
-                if not inner[0] < inner[1]:  # the user wants it elsewhere
-                    inner = outer
-                for end, value in zip(ends, (*outer, *inner), strict=True):
-                    end.append(math.log(value))
-        rows, limits = planes(task.demands, task.kind, len(self.groups))
-        inside = 1e-12  # so that exponentials do not pass the bounds by rounding
-        low, high, *starts = map(np.array, ends)
-        box = Box(low + inside, high - inside)
-        if rows.size:
-            box = replace(box, rows=rows, limits=limits)
-        return box, Box(*starts)
+    def _typed(self, end: _End) -> _End | None:
+        """Return the best settings among the numbers that the controllers accept."""
+        search = end.search
+        best: _End | None = None
+        for _ in range(len(search.cases) + SPREAD_ROUNDS):
+            best = self._on_lattice(end)
+            if best is None:
+                return None
+            worst = search.over_spread(best.theta)
+            if worst is None or worst[0] <= best.value + WORSE:
+                return best
+            search.include(worst[1])
+        return None
 
-    def _crossover(self, unit: int) -> float:
-        """Return where a unit's own loop can cross over at most, rad per time unit."""
-        omega = self.plant.omega
-        weight = np.abs(self.specification.uncertainty.weight_of(unit).response(omega))
-        own = self.plant.values[:, unit, unit] * np.sign(self.gain[unit, unit])
-        phase = np.unwrap(np.angle(own))
-        room = math.pi + (LEAD if "derivative_time" in self.specification.kind.parameters else 0.0)
-        over = (weight >= 1) | (phase < -room)
-        return float(omega[over][0]) if over.any() else float(omega[-1])
+    def _on_lattice(self, end: _End) -> _End | None:
+        search, resolution = end.search, self.task.resolution
+        assert resolution is not None  # noqa: S101 - for the type checker
+        objective = search.exact
 
-    def _starts(self) -> list[NDArray[np.float64]]:
-        """Return starts, well spread over their region (Roberts 2018), that the seed fixes."""
-        task, size = self.specification, self.region.low.size
-        if task.start is not None:
-            return [self._theta_of([task.start[group[0]] for group in self.groups])]
-        count = task.starts or STARTS_PER_PARAMETER * size
-        ratio = 1.0
-        for _ in range(60):
-            ratio = (1 + ratio) ** (1 / (size + 1))
-        first = np.random.default_rng(task.seed).random(size)
-        steps = np.arange(1, count + 1)[:, None] * ratio ** -np.arange(1.0, size + 1)
-        low, high = self.region.low, self.region.high
-        return list(low + (first + steps) % 1 * (high - low))
+        def descend(phases: Phases, theta: NDArray[np.float64]) -> NDArray[np.float64] | None:
+            here = objective.evaluate(phases.box.clip(theta))
+            if not math.isfinite(here.merit):
+                return None
+            found = phases.best(objective, here, EXACT)
+            return found.theta if math.isfinite(found.value) else None
 
-    def _theta_of(self, loops: list[Controller]) -> NDArray[np.float64]:
-        theta = self.region.low.reshape(len(loops), -1).copy()
-        for row, loop in zip(theta, loops, strict=True):
-            for place, name in enumerate(self.specification.kind.parameters):
-                value = loop.lag_time if name == "filter_time" else getattr(loop, name)
-                if value:
-                    row[place] = math.log(abs(value))
-        return theta.ravel()
-
-    def _descend(self, theta: NDArray[np.float64]) -> None:
-        """Remember the local optimum below one start, if it leads to feasible settings."""
-        objective = self.phases.feasibility if self.objective.goal.skewed else self.objective
-        lower = np.zeros_like(theta)
-        lower[:: objective.per_controller] = math.log(GAIN_STEP)
-        for _ in range(GAIN_STEPS):
-            here = objective.evaluate(self.box.clip(theta))
-            if math.isfinite(here.value):
+        lattice = Lattice(resolution, objective, search.phases, descend, self.clock.tick)
+        best: _End | None = None
+        others = [optimum.theta for optimum in search.optima[1:4]]
+        for seen, point in lattice.best([end.theta, *others]):
+            if best is not None and seen >= best.value:
                 break
-            theta = theta + lower
-        else:
-            return
-        if self.objective.goal.skewed:
-            here = self.objective.evaluate(self.phases.feasible(here).theta)
-        found = self.phases.best(self.objective, here, ROUGH)
-        if math.isfinite(found.merit):
-            self._remember(found.theta, found.merit)
-
-    def _remember(self, theta: NDArray[np.float64], value: float) -> None:
-        for index, known in enumerate(self.optima):
-            near = np.abs(known.theta - theta).max() < SAME_PLACE
-            if near and abs(known.value - value) < SAME:
-                better = theta if value < known.value else known.theta
-                self.optima[index] = _Optimum(better, min(value, known.value), known.count + 1)
-                break
-        else:
-            self.optima.append(_Optimum(theta, value, 1))
-        self.optima.sort(key=lambda each: each.value)
-
-    def _polished(self) -> Evaluation | None:
-        """Return the best of the best optima, to all digits."""
-        exact, best = self.objective.having(nu=FINE), None
-        for known in self.optima[:POLISHED]:
-            found = self.phases.best(exact, exact.evaluate(known.theta), EXACT)
-            if math.isfinite(found.value) and (best is None or found.value < best.value):
-                best = found
+            typed = lattice.polished(point)
+            theta = lattice.theta(typed)
+            loops = _expanded(search, lattice.controllers(typed))
+            value = max(search.of_all(theta))
+            if not math.isfinite(value) or not all(each.met for each in self._demands(loops)):
+                continue
+            if best is None or value < best.value:
+                best = _End(search, theta, loops, value)
         return best
 
-    def _report(self, best: Evaluation | None, status: Status) -> Tuning:
-        """Return the result, every number of it computed anew from the settings."""
-        task = self.specification
-        if best is None:
-            return self._without(status, "at the frequencies of the data none were found")
-        controllers = self.objective.controllers(best.theta)
-        loops = self.objective.parts[0].blocks.expand(controllers)
-        performance = task.performance
-        if task.objective is Objective.TAU_P:
-            value = math.exp(best.value) * (1 + ROUNDING)
-            if value > LARGEST:
-                return self._without(status, "tau_P would be too large a number")
-            performance = performance.with_tau_p(value)
-        unstable = unstable_poles_on_data(self.plant, self.gain, loops)
-        if unstable != 0:
-            reason = unstable if isinstance(unstable, Undecided) else "the loops are unstable"
-            return self._without(status, reason)
-        curves = data_analysis(self.plant, task.uncertainty, performance, loops).curves(
-            self.plant.omega
-        )
-        peaks = peaks_of(curves)
-        bound = [
-            f"the {name.replace('_', ' ')} of group {index + 1} lies on its bound"
-            for index, row in enumerate(best.theta.reshape(len(self.groups), -1))
-            for name, value, low, high in zip(
-                task.kind.parameters,
-                row,
-                self.box.low.reshape(len(self.groups), -1)[index],
-                self.box.high.reshape(len(self.groups), -1)[index],
-                strict=True,
-            )
-            if min(value - low, high - value) < AT_BOUND
+    def _demands(self, loops: tuple[Controller, ...]) -> tuple[DemandOutcome, ...]:
+        return outcomes(self.task.demands, self.task.plants, loops, self.task.uncertainties)
+
+    def _performance(self, end: _End) -> Performance:
+        """Return the demand with the tau_P that the settings need."""
+        if self.task.objective is Objective.MU:
+            return self.task.performance
+        return self.task.performance.with_tau_p(math.exp(end.value) * (1 + ROUNDING))
+
+    def _curves(self, end: _End) -> list[Curves]:
+        """Return the curves of mu of each case."""
+        performance = self._performance(end)
+        found = []
+        for case in end.search.cases:
+            assert isinstance(case.plant, MeasuredPlant)  # noqa: S101 - for the type checker
+            own = replace(case.performance, tau_p=performance.tau_p)
+            analysis = data_analysis(case.plant, case.uncertainty, own, case.loops(end.loops))
+            found.append(analysis.curves(case.plant.omega))
+        return found
+
+    def _price(self, exact: _End, typed: _End) -> PriceOfResolution:
+        taus = [self._performance(end).tau_p for end in (exact, typed)]
+        tops = [
+            max(float(each.robust_performance.max()) for each in self._curves(end))
+            for end in (exact, typed)
         ]
-        return Tuning(
-            status=status,
+        assert taus[0] is not None  # noqa: S101 - for the type checker
+        assert taus[1] is not None  # noqa: S101 - for the type checker
+        return PriceOfResolution(taus[0], taus[1], *tops)
+
+    def _report(
+        self, end: _End, price: PriceOfResolution | None, comparison: Comparison | None
+    ) -> Tuning:
+        """Return the result, every number of it computed anew from the settings."""
+        task, search = self.task, end.search
+        demands = self._demands(end.loops)
+        unmet = [each.name for each in demands if not each.met]
+        if unmet:
+            return self._without(search, f"none were found that keep {unmet[0]} on the data", None)
+        performance = self._performance(end)
+        curves = self._curves(end)
+        peaks = [peaks_of(each) for each in curves]
+        tops = [each.robust_performance.value for each in peaks]
+        deciding = next(i for i, top in enumerate(tops) if top >= max(tops) * (1 - WORSE))
+        scenarios = self._scenarios(end, curves, peaks)
+        status = Status.OPTIMAL if task.start is None else Status.LOCAL
+        given = [on_data(case.plant, own) for case, own in zip(search.cases, peaks, strict=True)]  # type: ignore[arg-type]
+        tolerance = None
+        if not task.rough:
+            tolerance = moves(task.objective, search.exact, end.theta, performance, max(tops))
+        result = Tuning(
+            status=Status.TIME_LIMIT if self.late else status,
             objective=task.objective.value,
             tau_p=performance.tau_p,
-            peaks=peaks,
-            loops=loops,
-            groups=self.groups,
+            peaks=peaks[0],
+            loops=end.loops,
+            groups=search.groups,
             nominally_stable=True,
-            search=self._summary(),
-            curves=curves,
-            guarantee=on_data(self.plant, peaks),
-            demands=outcomes(task.demands, (), loops),
+            search=self._summary(search),
+            curves=curves[0],
+            guarantee=overall(given),
+            demands=demands,
+            scenarios=scenarios,
+            active=binding(scenarios),
+            spread=search.spread,
+            comparison=comparison if len(search.groups) > 1 else None,
+            resolution=price,
+            settings_tolerance=tolerance,
             as_found=as_found_on_data(task, performance, self.gain),
-            warnings=tuple(filter(None, [demand_unseen(self.plant, performance), *bound])),
+            advice=advice(task, performance, end.loops, max(tops)),
+            warnings=tuple(
+                filter(
+                    None,
+                    [
+                        demand_unseen(self.plant, performance),
+                        *search.on_bounds(end.theta),
+                        *task.absent_from_spread,
+                    ],
+                )
+            ),
         )
+        if task.rough:
+            return result
+        sentences = plain_advice(
+            task, result, search.cases[deciding], peaks[deciding].robust_performance.omega
+        )
+        return replace(result, advice=(*result.advice, *sentences))
 
-    def _without(self, status: Status, reason: str) -> Tuning:
-        timed = status is Status.TIME_LIMIT
+    def _scenarios(
+        self, end: _End, curves: list[Curves], peaks: list[Peaks]
+    ) -> tuple[ScenarioOutcome, ...]:
+        """Return what the settings make of each scenario, the task's own plant first."""
+        task, search = self.task, end.search
+        if not task.scenarios and task.spread is None:
+            return ()
+        names = [AS_GIVEN, *(scenario.name for scenario in task.scenarios)]
+        names += [] if task.spread is None else [SPREAD]
+        values = search.of_all(end.theta)
+        found = []
+        for number, name in enumerate(names):
+            mine = [i for i, case in enumerate(search.cases) if number in case.scenarios]
+            if not mine:  # nothing spreads
+                continue
+            worst = max(mine, key=lambda i: peaks[i].robust_performance.value)
+            case = search.cases[worst]
+            assert isinstance(case.plant, MeasuredPlant)  # noqa: S101 - for the type checker
+            tau_p = None
+            if task.objective is Objective.TAU_P:
+                tau_p = math.exp(max(values[i] for i in mine))
+            found.append(
+                ScenarioOutcome(
+                    name, case.units, len(mine), tau_p, peaks[worst], curves[worst],
+                    on_data(case.plant, peaks[worst]),
+                )
+            )  # fmt: skip
+        return tuple(found)
+
+    def _why(self, search: DataSearch) -> tuple[str, float | None]:
+        """Say why no settings were found."""
+        if self.late:
+            return "no feasible settings were found within the time limit", None
+        if search.closest is None:
+            return "at the frequencies of the data none were found", None
+        slow, case = search.slowest(search.closest[1])
+        if not math.isfinite(slow) or slow <= 1:
+            return "at the frequencies of the data none were found that meet every demand", None
+        reason = (
+            "at the frequencies of the data none were found that meet mu <= 1 at any tau_P: for "
+            f"the nearest ones even an infinitely slow demand peaks at mu = {slow:.6g}"
+        )
+        if len(search.cases) > 1:
+            reason += f", in scenario {self.task.name_of(case)!r}"
+        return reason, None
+
+    def _without(self, search: DataSearch, reason: str, omega: float | None) -> Tuning:
         return Tuning(
-            status=status if timed else Status.INFEASIBLE,
-            objective=self.specification.objective.value,
+            status=Status.TIME_LIMIT if self.late else Status.INFEASIBLE,
+            objective=self.task.objective.value,
             tau_p=None,
             peaks=None,
             loops=(),
-            groups=self.groups,
+            groups=search.groups,
             nominally_stable=False,
-            search=self._summary(),
+            search=self._summary(search),
             curves=None,
-            as_found=as_found_on_data(self.specification, None, self.gain),
-            reason="no feasible settings were found within the time limit" if timed else reason,
+            as_found=as_found_on_data(self.task, None, self.gain),
+            reason=reason,
+            omega=omega,
         )
 
-    def _summary(self) -> SearchSummary:
+    def _summary(self, search: DataSearch) -> SearchSummary:
         found = tuple(
             LocalOptimum(
                 self._as_objective(each.value),
                 each.count,
-                self.objective.parts[0].blocks.expand(self.objective.controllers(each.theta)),
+                _expanded(search, search.objective.controllers(each.theta)),
             )
-            for each in self.optima
+            for each in search.optima
+            if math.isfinite(each.value) and abs(each.value) <= LARGEST_S
         )
-        task = self.specification
-        return SearchSummary(self.clock.done, found, task.seed, self.clock.elapsed)
+        return SearchSummary(self.clock.done, found, self.task.seed, self.clock.elapsed)
 
 
-@dataclass(frozen=True)
-class _Optimum:
-    """A local optimum, and how many starts ended there."""
+def _expanded(search: DataSearch, controllers: tuple[Controller, ...]) -> tuple[Controller, ...]:
+    """Return one controller a unit from one a group."""
+    owner = {unit: index for index, group in enumerate(search.groups) for unit in group}
+    return tuple(controllers[owner[unit]] for unit in range(len(owner)))
 
-    theta: NDArray[np.float64]
-    value: float
-    count: int
+
+def _spread_out(one: _End, search: DataSearch) -> _End:
+    """Return identical settings as those of a search with more freedom."""
+    theta = np.tile(one.theta, len(search.groups))
+    for case in one.search.cases[len(search.cases) :]:  # plants of a spread that were met
+        search.include(case)
+    return _End(search, theta, one.loops, one.value)

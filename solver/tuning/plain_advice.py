@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.model.errors import InvalidInputError
+from solver.model.measured import MeasuredPlant
 from solver.model.plants import MAX_MATRIX_SIZE
 from solver.model.subsystems import subsystem
 from solver.robustness.axis import proven_peaks
@@ -53,8 +54,9 @@ def plain_advice(
     if tuning.comparison is not None and tuning.comparison.gain_percent < WORTH_IT:
         found += _identical_suffice(tuning, tuning.comparison)
     found += _limited_by(specification, tuning, deciding, omega)
-    found += _alone(specification, tuning)
-    found += _without_integral_action(specification, tuning)
+    if not isinstance(specification.plant, MeasuredPlant):  # it has no responses in time
+        found += _alone(specification, tuning)
+        found += _without_integral_action(specification, tuning)
     if tuning.as_found is not None:
         found += _beside_today(specification, tuning, tuning.as_found)
     if tuning.settings_tolerance is not None and tuning.demand_met:

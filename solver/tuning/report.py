@@ -101,7 +101,7 @@ def report(
         *filter(None, [output_units_warning(specification.plant, specification.performance)]),
         *_sign_warnings(specification, search),
         *remarks(search, end.candidate.theta),
-        *_absent_from_spread(search.specification),
+        *search.specification.absent_from_spread,
     ]
     certificate = None
     if specification.certificate:
@@ -156,11 +156,11 @@ def report(
     )
     if specification.rough:
         return result
-    said = plain_advice(
+    sentences = plain_advice(
         specification, result, search.cases[deciding],
         end.axes[deciding].peaks.robust_performance.omega,
     )  # fmt: skip
-    return replace(result, advice=(*result.advice, *said))
+    return replace(result, advice=(*result.advice, *sentences))
 
 
 def _none_kept(
@@ -208,16 +208,6 @@ def _guarantee(end: Settled, scenarios: Sequence[ScenarioOutcome]) -> Guarantee:
     if end.spread is not None:
         found.append(of_spread(end, overall(found)))
     return overall(found)
-
-
-def _absent_from_spread(specification: Specification) -> list[str]:
-    """Say which parameters of a spread there are none of."""
-    if specification.spread is None:
-        return []
-    return [
-        f"spread: the plant has no {name.replace('_', ' ')} that could spread: it changes nothing"
-        for name in specification.spread.absent(specification.plants)
-    ]
 
 
 def infeasible(

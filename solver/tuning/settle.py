@@ -92,6 +92,8 @@ def settled(
         The time limit has passed.
 
     """
+    # Once: what a case is to one of two loops that change places, another case is to the other.
+    candidate = replace(candidate, theta=search.canonical(candidate.theta))
     if clock is not None:
         found, candidate = _searched_on(specification, search, extended(search, candidate), clock)
         if found is not None:
@@ -154,8 +156,7 @@ def _looked_at(
     specification: Specification, search: GroupingSearch, candidate: Candidate
 ) -> Settled:
     """Return the candidate with its peaks over the whole here."""
-    theta = search.canonical(candidate.theta)
-    loops = search.loops(theta)
+    loops = search.loops(candidate.theta)
     performance = specification.performance
     if specification.objective is Objective.TAU_P:
         value = math.exp(candidate.value) * (1 + ROUNDING)
@@ -170,7 +171,7 @@ def _looked_at(
         )
         for case in search.cases
     )  # fmt: skip
-    return Settled(replace(candidate, theta=theta), performance, loops, axes)
+    return Settled(candidate, performance, loops, axes)
 
 
 def _above(search: GroupingSearch, candidate: Candidate, here: Settled) -> float:

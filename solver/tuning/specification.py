@@ -301,6 +301,16 @@ class Specification:
         return names[case.scenarios[0]]
 
     @property
+    def absent_from_spread(self) -> tuple[str, ...]:
+        """Which parameters of a spread there are none of, in sentences."""
+        absent = () if self.spread is None else self.spread.absent(self.plants)
+        return tuple(
+            f"spread: the plant has no {name.replace('_', ' ')} that could spread: it changes "
+            "nothing"
+            for name in absent
+        )
+
+    @property
     def plants(self) -> tuple[Plant, ...]:
         """Every plant that the settings must serve, that of the task first."""
         return (self.plant, *(each.plant for each in self.scenarios if each.plant is not None))

@@ -24,11 +24,14 @@ from solver.model.deviations import (
     depends_on,
     of_unit,
 )
-from solver.model.errors import InvalidInputError
+from solver.model.errors import InvalidInputError, UnsupportedPlantError
+from solver.model.measured import MeasuredPlant
 from solver.model.validation import flag, real, settle
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
+
+    from numpy.typing import NDArray
 
     from solver.model.plants import Plant
     from solver.model.transfer_function import TransferFunction
@@ -105,6 +108,8 @@ class Spread:
 
     def axes(self, plant: Plant) -> tuple[Parameter, ...]:
         """Return the parameters that spread and that the plant has, with their deviations."""
+        if isinstance(plant, MeasuredPlant):
+            return self._axes_of_data(plant)
         found: list[Parameter] = []
         for name in PARAMETERS:
             width = getattr(self, name)
@@ -124,6 +129,42 @@ class Spread:
                 )
             ]
         return tuple(found)
+
+    def _axes_of_data(self, plant: MeasuredPlant) -> tuple[Parameter, ...]:
+        """Return what spreads of measured responses: their sizes.
+
+        Raises
+        ------
+        UnsupportedPlantError
+            Times spread, which the data do not hold.
+
+        """
+        for name in ("time_constant", "dead_time"):
+            if getattr(self, name) > 0:
+                message = (
+                    "of a plant given as frequency response gain and interaction spread: its "
+                    f"{name.replace('_', ' ')}s are not known apart"
+                )
+                raise UnsupportedPlantError(message, f"/spread/{name}")
+        units: Sequence[int | None] = [None]
+        if self.each_unit and plant.n > 1:
+            units = range(plant.n)
+        return tuple(
+            Parameter(name, width, unit)
+            for name, width in (("gain", self.gain), (INTERACTION, self.interaction))
+            for unit in units
+            if width > 0 and plant.values[:, self._elements(plant.n, name, unit)].any()
+        )
+
+    @staticmethod
+    def _elements(n: int, name: str, unit: int | None) -> NDArray[np.bool_]:
+        """Return which elements (n, n) a parameter of a unit, or of all, changes."""
+        those = np.ones((n, n), dtype=bool)
+        if unit is not None:
+            those[:, np.arange(n) != unit] = False
+        if name == INTERACTION:
+            those &= ~np.eye(n, dtype=bool)
+        return those
 
     def absent(self, plants: Sequence[Plant]) -> tuple[str, ...]:
         """Return the parameters that were to spread, but that none of the plants has."""
@@ -145,6 +186,9 @@ class Spread:
         for (name, width, unit), share in zip(self.axes(plant), deviation, strict=True):
             factor = 1 + width * share
             if factor == 1:
+                continue
+            if isinstance(plant, MeasuredPlant):
+                plant = plant.scaled(np.where(self._elements(plant.n, name, unit), factor, 1.0))
                 continue
             if name == INTERACTION and unit is None:
                 plant = coupled(plant, factor)

@@ -89,7 +89,10 @@ def _on_data(
     if isinstance(specification.pairing, str):
         message = "name the pairing: candidates are judged on transfer functions"
         raise UnsupportedPlantError(message, "/pairing")
-    found = tune_on_data(specification.arranged(None), progress)
+    task = specification.arranged(None)
+    found = tune_on_data(task, progress)
+    if found.status is Status.INFEASIBLE and task.demands.names:
+        found = _with_the_demand_named(task, found)
     return replace(found, pairing=specification.pairing)
 
 
@@ -174,7 +177,8 @@ def _with_the_demand_named(specification: Specification, found: Tuning) -> Tunin
             if spent > limit + LEAST_TIME:
                 return None
             task = replace(task, time_limit=max(limit - spent, LEAST_TIME))
-        tuning = _Run(task, None).result()
+        on_data = isinstance(task.plant, MeasuredPlant)
+        tuning = tune_on_data(task) if on_data else _Run(task, None).result()
         spent += tuning.search.elapsed_seconds
         return tuning
 

@@ -28,7 +28,11 @@ from solver.stability.closed_loop import unstable_poles
 from solver.stability.on_data import Undecided, at_rest, unstable_poles_on_data
 from solver.tuning.demands import Demands
 from solver.tuning.record import Status
+from solver.tuning.resolution import Resolution
+from solver.tuning.scenarios import Scenario
+from solver.tuning.service_sets import integrity_value
 from solver.tuning.specification import Specification
+from solver.tuning.spread import Spread
 from solver.tuning.tuner import tune
 
 SEED = first_order(2, 1.0, 100.0, 0.949)
@@ -190,14 +194,104 @@ def test_demands_and_bounds_hold_on_data() -> None:
     assert found.tau_p > 25.8
 
 
+def of_model(**options: Any) -> Any:
+    return tune(Specification(SEED, UNCERTAIN, Performance(), **options))
+
+
+def test_scenarios_on_data_are_those_of_the_model() -> None:
+    """Either loop out of service, and another response: what each needs, and which one decides."""
+    other = first_order(2, 1.0, 100.0, 0.96)
+    out = Scenario("out", any_in_service=(1,))
+    found = tuned(sampled_at(SEED), starts=2, scenarios=(out, Scenario("o", sampled_at(other))))
+    exact = of_model(starts=2, scenarios=(out, Scenario("o", other)))
+    assert found.tau_p == pytest.approx(exact.tau_p, rel=5e-3)
+    assert found.active != "as given"
+    assert [each.sets for each in found.scenarios] == [1, 2, 1]
+    for own, its in zip(found.scenarios, exact.scenarios, strict=True):
+        assert own.tau_p == pytest.approx(its.tau_p, rel=0.03)
+        assert own.guarantee.status == "open"
+        assert own.peaks.robust_performance.value <= 1 + 1e-6
+
+
+def test_spread_of_sizes_on_data_is_that_of_the_model() -> None:
+    """An interaction that is off by two per cent, and gains of each unit."""
+    for spread in (Spread(interaction=0.02), Spread(gain=0.05, each_unit=True)):
+        options = {"arrangement": "identical", "starts": 1, "spread": spread}
+        found, exact = tuned(sampled_at(SEED), **options), of_model(**options)
+        assert found.tau_p == pytest.approx(exact.tau_p, rel=5e-3)
+        assert dict(found.spread.worst).keys() == dict(exact.spread.worst).keys()
+        assert found.active == "spread"
+
+
+@pytest.mark.parametrize("steps", [{"digits": 2}, {"time": 1.0}, {"gain": 5.0, "time": 1.0}])
+def test_numbers_that_controllers_accept_on_data(steps: dict[str, Any]) -> None:
+    """As of the model, typed as they are, and never better than exact ones."""
+    options = {"starts": 2, "resolution": Resolution(**steps)}
+    found, exact = tuned(sampled_at(SEED), **options), of_model(**options)
+    assert found.tau_p == pytest.approx(exact.tau_p, rel=3e-3)
+    assert found.resolution.tau_p_exact < found.resolution.tau_p_rounded == found.tau_p
+    times = {str(loop.integral_time) for loop in found.loops}
+    assert all(len(time.removesuffix(".0").rstrip("0")) <= 3 for time in times)
+
+
+def test_loops_alone_and_integrity_are_kept_on_data() -> None:
+    """Their values are those of the model, and a demand that nobody can meet is named."""
+    demands = Demands(max_sensitivity_alone=1.2, integrity="robustly_stable")  # type: ignore[arg-type]
+    found, exact = (run(starts=2, demands=demands) for run in (lambda **o: tuned(sampled_at(SEED), **o), of_model))  # fmt: skip
+    assert found.tau_p == pytest.approx(exact.tau_p, rel=5e-3)
+    for own, its in zip(found.demands, exact.demands, strict=True):
+        assert own.met
+        assert own.name == its.name
+        assert own.value == pytest.approx(its.value, rel=5e-3)
+    never = tuned(
+        sampled_at(SEED), arrangement="identical", starts=1, demands=Demands(max_load_error=0.05)
+    )
+    assert never.status is Status.INFEASIBLE
+    assert "max_load_error 0.05 relaxed to 0.3" in never.reason
+
+
+def test_sets_in_service_on_data_are_those_of_the_model() -> None:
+    """Of drawn plants: how many sets are unstable, and how robustly stable the others are."""
+    robust = 0
+    for seed in range(12):
+        plant = random_plant(seed)
+        random = np.random.default_rng(seed)
+        loops = tuple(
+            Controller(float(random.choice([-1, 1]) * 10 ** random.uniform(-2, -0.5)), 30.0)
+            for _ in range(plant.n)
+        )
+        data = sampled_at(plant, np.geomspace(1e-5, 100, 400))
+        unstable = integrity_value(plant, UNCERTAIN, loops, robust=False)
+        assert integrity_value(data, UNCERTAIN, loops, robust=False) == unstable
+        if not unstable:
+            robust += 1
+            exact = integrity_value(plant, UNCERTAIN, loops, robust=True)
+            assert integrity_value(data, UNCERTAIN, loops, robust=True) == pytest.approx(
+                exact, rel=0.01
+            )
+    assert robust >= 2
+
+
+def test_best_arrangement_and_comparison_on_data() -> None:
+    """Unlike settings are told beside identical ones, which stay where little is gained."""
+    found = tuned(sampled_at(SEED), arrangement="best", starts=3)
+    assert len(found.groups) == 2
+    assert found.comparison.gain_percent == pytest.approx(28.4, abs=0.5)
+    assert any("Lower gains are not safer" in each for each in found.advice)
+    assert found.settings_tolerance.lower_gains == pytest.approx(1.042, abs=2e-3)
+    three = tuned(sampled_at(first_order(3, 1.0, 50.0, 0.5)), arrangement="best", starts=1)
+    assert len(three.groups) == 1
+
+
 @pytest.mark.parametrize(
     ("options", "field"),
     [
-        ({"arrangement": "best"}, "/controller/arrangement"),
         ({"signs": "any"}, "/controller/signs"),
         ({"pairing": "best"}, "/pairing"),
         ({"optimality_gap": True}, "/search/optimality_gap"),
-        ({"demands": Demands(max_sensitivity_alone=1.8)}, "/demands/max_sensitivity_alone"),
+        ({"spread": Spread(time_constant=0.1)}, "/spread/time_constant"),
+        ({"spread": Spread(dead_time=0.1)}, "/spread/dead_time"),
+        ({"scenarios": (Scenario("model", SEED),)}, "/scenarios/0"),
     ],
 )
 def test_what_needs_a_model_is_refused_by_name(options: dict[str, Any], field: str) -> None:

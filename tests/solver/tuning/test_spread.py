@@ -183,3 +183,16 @@ def test_more_parameters_than_can_be_searched_are_refused():
             spread=Spread(gain=0.1, time_constant=0.1, each_unit=True),
         )  # fmt: skip
     assert caught.value.field == "/spread/each_unit"
+
+
+def test_cases_that_mirror_each_other_are_not_mistaken() -> None:
+    """Either loop out and a box of two: the other loop's plant in it joins, not its mirror image.
+
+    Identical settings reach 39.9; the unlike ones were lost.
+    """
+    found = task(
+        SLH, Spread(gain=0.05, interaction=0.01), arrangement=Arrangement.INDEPENDENT,
+        scenarios=(Scenario("out", any_in_service=(1,)),), scan_time=0.1,
+    )  # fmt: skip
+    assert found.demand_met
+    assert found.tau_p == pytest.approx(30.14, abs=0.05)
