@@ -237,7 +237,7 @@ def test_numbers_that_controllers_accept_on_data(steps: dict[str, Any]) -> None:
 def test_loops_alone_and_integrity_are_kept_on_data() -> None:
     """Their values are those of the model, and a demand that nobody can meet is named."""
     demands = Demands(max_sensitivity_alone=1.2, integrity="robustly_stable")  # type: ignore[arg-type]
-    found, exact = (run(starts=2, demands=demands) for run in (lambda **o: tuned(sampled_at(SEED), **o), of_model))  # fmt: skip
+    found, exact = tuned(sampled_at(SEED), starts=2, demands=demands), of_model(demands=demands)
     assert found.tau_p == pytest.approx(exact.tau_p, rel=5e-3)
     for own, its in zip(found.demands, exact.demands, strict=True):
         assert own.met
