@@ -153,9 +153,7 @@ class MeasuredPlant(Plant, ByValue):
 
     def scaled(self, factors: NDArray[np.float64]) -> MeasuredPlant:
         """Return the plant with each element times its factor, (n, n)."""
-        return MeasuredPlant(
-            self.omega, self.values * factors, unstable_poles=self.unstable_poles
-        )
+        return MeasuredPlant(self.omega, self.values * factors, unstable_poles=self.unstable_poles)
 
     def response(self, omega: ArrayLike) -> NDArray[np.complex128]:
         """Frequency response at some of its own frequencies, as (k, n, n) complex.

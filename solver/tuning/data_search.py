@@ -172,10 +172,10 @@ class DataSearch:
             tried += len(points) + more
             if worst is None or height > worst[0]:
                 beside = case.deviating(task.spread, deviation, number)
-                errors = [
+                errors = tuple(
                     (a.title, share * a.width) for a, share in zip(axes, deviation, strict=True)
-                ]
-                worst = height, beside, tuple(errors)
+                )
+                worst = height, beside, errors
         if worst is None:
             return None
         height, beside, errors = worst

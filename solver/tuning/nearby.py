@@ -58,13 +58,18 @@ def tolerance(
     """
     fine = fine_objective(search)
     peak = max(axis.peaks.robust_performance.value for axis in end.axes)
-    return moves(specification.objective, fine, end.candidate.theta, end.performance, peak)
+    return moves(
+        specification.objective, search.objective, fine, end.candidate.theta,
+        performance=end.performance, peak=peak,
+    )  # fmt: skip
 
 
 def moves(
     sought: Objective,
+    coarse: Together,
     fine: Together,
     theta: NDArray[np.float64],
+    *,
     performance: Performance,
     peak: float,
 ) -> SettingsTolerance:
@@ -74,8 +79,9 @@ def moves(
     ----------
     sought : Objective
         What was made small.
-    fine : Together
-        Levels of everything that the settings must serve.
+    coarse, fine : Together
+        Levels of everything that the settings must serve, on the frequencies of a search and on
+        more of them, which have the last word.
     theta : (m,)
         The settings.
     performance : Performance
@@ -94,10 +100,9 @@ def moves(
     else:
         level, longer = max(1.0, (1 + ALLOWED) * peak), tau_p
         judged = objective
-    limit = 2 * math.log(level)
     names = objective.kind.parameters
-
-    near = _Near(judged, _fewer(search, judged, theta), theta, limit)
+    limit = 2 * math.log(level)
+    near = _Near(judged, _fewer(coarse, judged, theta), theta, limit)
     ranges = []
     for index, sign in _signs(objective):
         value = sign * math.exp(theta[index])
@@ -136,11 +141,11 @@ def _signs(objective: Together) -> list[tuple[int, float]]:
     return [(i, float(objective.signs[i // per]) if i % per == 0 else 1.0) for i in range(count)]
 
 
-def _fewer(search: GroupingSearch, fine: Together, theta: NDArray[np.float64]) -> Together:
+def _fewer(coarse: Together, fine: Together, theta: NDArray[np.float64]) -> Together:
     """Return a fine objective with what is near its maxima at `theta`, and of the rest the grid."""
     here = fine.evaluate(theta).of_each
     kept = []
-    for part, own, at_first in zip(fine.parts, here, search.objective.parts, strict=True):
+    for part, own, at_first in zip(fine.parts, here, coarse.parts, strict=True):
         top = np.flatnonzero(tops(-own.level))
         near = np.unique(np.clip(top[:, None] + BESIDE, 0, part.omega.size - 1))
         kept.append(np.union1d(part.omega[near], at_first.omega))

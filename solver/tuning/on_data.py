@@ -271,7 +271,10 @@ class _Run:
         given = [on_data(case.plant, own) for case, own in zip(search.cases, peaks, strict=True)]  # type: ignore[arg-type]
         tolerance = None
         if not task.rough:
-            tolerance = moves(task.objective, search.exact, end.theta, performance, max(tops))
+            tolerance = moves(
+                task.objective, search.exact, search.exact, end.theta,
+                performance=performance, peak=max(tops),
+            )  # fmt: skip
         result = Tuning(
             status=Status.TIME_LIMIT if self.late else status,
             objective=task.objective.value,
