@@ -7,15 +7,16 @@ and what rotates logs may move it away between two lines.
 from __future__ import annotations
 
 import json
+import logging
 import os
 from datetime import UTC, datetime
 from pathlib import Path
 
-import structlog
+from service.logs import fields
 
 __all__ = ["Trail"]
 
-logger = structlog.get_logger("mutune.audit")
+logger = logging.getLogger("mutune.audit")
 
 
 class Trail:
@@ -31,14 +32,14 @@ class Trail:
     def __init__(self, path: Path | None) -> None:
         self._path = path
 
-    def write(self, **fields: object) -> None:
+    def write(self, **act: object) -> None:
         """Append an act.
 
         An act that cannot be written is told in the log, with the reason: it has happened.
         """
-        told = {name: value for name, value in fields.items() if value not in (None, "")}
+        told = {name: value for name, value in act.items() if value not in (None, "")}
         if self._path is None:
-            logger.info("audit", **told)
+            logger.info("audit", extra=fields(**told))
             return
         line = json.dumps({"time": datetime.now(UTC).isoformat(), **told}) + "\n"
         try:
@@ -48,4 +49,5 @@ class Trail:
             finally:
                 os.close(descriptor)
         except OSError as error:
-            logger.error("audit", reason=f"{self._path}: {error.strerror}", **told)  # noqa: TRY400
+            reason = f"{self._path}: {error.strerror}"
+            logger.error("audit", extra=fields(reason=reason, **told))  # noqa: TRY400

@@ -2,38 +2,45 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import sys
+from contextvars import ContextVar
+from datetime import UTC, datetime
 
-import structlog
+__all__ = ["configure", "fields", "request_id"]
 
-__all__ = ["configure"]
+# Of what is being served: tasks and threads that a request starts have it too.
+request_id: ContextVar[str | None] = ContextVar("request_id", default=None)
+
+_FIELDS = "fields"
+
+
+def fields(**values: object) -> dict[str, object]:
+    """Return `extra` of a call of a logger: what its line holds beside the event."""
+    return {_FIELDS: values}
+
+
+class Line(logging.Formatter):
+    """A record as a JSON object."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """Return the line."""
+        found: dict[str, object] = {**getattr(record, _FIELDS, {}), "event": record.getMessage()}
+        if (known := request_id.get()) is not None:
+            found["request_id"] = known
+        found["level"] = record.levelname.lower()
+        found["logger"] = record.name
+        found["timestamp"] = datetime.fromtimestamp(record.created, UTC).isoformat()
+        if record.exc_info:
+            found["exception"] = self.formatException(record.exc_info)
+        return json.dumps(found, default=repr)
 
 
 def configure() -> None:
     """Send everything that this process logs to standard error, one JSON object a line."""
-    shared: list[structlog.typing.Processor] = [
-        structlog.contextvars.merge_contextvars,
-        structlog.stdlib.add_log_level,
-        structlog.stdlib.add_logger_name,
-        structlog.processors.TimeStamper(fmt="iso", utc=True),
-        structlog.processors.format_exc_info,
-    ]
-    structlog.configure(
-        processors=[*shared, structlog.stdlib.ProcessorFormatter.wrap_for_formatter],
-        logger_factory=structlog.stdlib.LoggerFactory(),
-        cache_logger_on_first_use=True,
-    )
     handler = logging.StreamHandler(sys.stderr)
-    handler.setFormatter(
-        structlog.stdlib.ProcessorFormatter(
-            foreign_pre_chain=shared,
-            processors=[
-                structlog.stdlib.ProcessorFormatter.remove_processors_meta,
-                structlog.processors.JSONRenderer(),
-            ],
-        )
-    )
+    handler.setFormatter(Line())
     root = logging.getLogger()
     root.handlers = [handler]
     root.setLevel(logging.INFO)

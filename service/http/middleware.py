@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+import logging
 import re
 import time
 import uuid
 
-import structlog
 from starlette.datastructures import Headers
 from starlette.middleware.gzip import GZipMiddleware
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service.audit import Trail
 from service.http.metrics import RequestMetrics
+from service.logs import fields
+from service.logs import request_id as request_id_of_log
 
 __all__ = ["Compressed", "Observed", "SecurityHeaders"]
 
-logger = structlog.get_logger("mutune.http")
+logger = logging.getLogger("mutune.http")
 
 _READING = frozenset({"GET", "HEAD", "OPTIONS"})
 _REFUSALS = frozenset({401, 403, 421, 429})
@@ -46,7 +48,7 @@ class Observed:
             await self._app(scope, receive, send)
             return
         request_id = _request_id(scope)
-        structlog.contextvars.bind_contextvars(request_id=request_id)
+        token = request_id_of_log.set(request_id)
         started = time.perf_counter()
         status = 500
         location = ""
@@ -72,11 +74,13 @@ class Observed:
             key = {"key": state["owner"]} if state.get("owner") else {}
             logger.info(
                 "request",
-                method=scope["method"],
-                path=_KEY.sub("KEY", scope["path"]),
-                status=status,
-                milliseconds=round(1000 * seconds, 1),
-                **key,
+                extra=fields(
+                    method=scope["method"],
+                    path=_KEY.sub("KEY", scope["path"]),
+                    status=status,
+                    milliseconds=round(1000 * seconds, 1),
+                    **key,
+                ),
             )
             if status in _REFUSALS or (scope["method"] not in _READING and status < _FAULTS):
                 client = scope.get("client")
@@ -90,7 +94,7 @@ class Observed:
                     address=client[0] if client else None,
                     request_id=request_id,
                 )
-            structlog.contextvars.clear_contextvars()
+            request_id_of_log.reset(token)
 
 
 def _known(name: str | None) -> str | None:

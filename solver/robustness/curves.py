@@ -35,7 +35,7 @@ __all__ = ["LoopAnalysis"]
 
 POINTS_PER_DECADE = 24
 BEYOND = 0.1  # the grid goes on so far beyond where the loop's gain can last be one
-MAX_ENTRIES = 4_000_000  # of matrices that are held at once: 64 MB each
+MAX_ENTRIES = 1_000_000  # of matrices that are held at once: 16 MB each, and a dozen of them
 BEST_CONDITION = 1e12  # of the return difference, rows and columns equilibrated: four digits left
 LOWEST = 1e-18  # of the lowest bend: slower directions are singular to working accuracy
 

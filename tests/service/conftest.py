@@ -6,14 +6,10 @@ from pathlib import Path
 import dask
 import httpx
 import pytest
-import structlog
 from serving import served
 
 from service.configuration import Configuration
 from service.http.app import create_app
-
-# Requests that end late would print their line into the output of a later test.
-structlog.configure(logger_factory=structlog.ReturnLoggerFactory())
 
 
 @pytest.fixture(scope="session")

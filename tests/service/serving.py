@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import socket
 import threading
 import time
@@ -32,3 +33,28 @@ def served(app: FastAPI) -> Iterator[httpx.Client]:
         finally:
             server.should_exit = True
             thread.join()
+
+
+class _Kept(logging.Handler):
+    def __init__(self) -> None:
+        super().__init__()
+        self.entries: list[dict[str, object]] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Keep what a line of the log would hold, but for its time and the id of the request."""
+        event = {"event": record.getMessage(), "log_level": record.levelname.lower()}
+        self.entries.append({**getattr(record, "fields", {}), **event})
+
+
+@contextmanager
+def captured_logs() -> Iterator[list[dict[str, object]]]:
+    """Yield the lines that requests and acts leave in the log."""
+    logger, kept = logging.getLogger("mutune"), _Kept()
+    level = logger.level
+    logger.addHandler(kept)
+    logger.setLevel(logging.INFO)
+    try:
+        yield kept.entries
+    finally:
+        logger.setLevel(level)
+        logger.removeHandler(kept)

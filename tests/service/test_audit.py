@@ -10,10 +10,9 @@ from typing import Any
 
 import httpx
 import pytest
-import structlog
 from real import until
 from samples import tuning
-from serving import served
+from serving import captured_logs, served
 from typer.testing import CliRunner
 
 from service.audit import Trail
@@ -85,7 +84,7 @@ def test_acts_are_told_with_key_job_and_address(client: httpx.Client, folder: Pa
 def test_log_of_requests_has_the_key_and_no_secret(client: httpx.Client, folder: Path) -> None:
     """Also where somebody puts the token into a path."""
     token = KeyFile(folder / "keys").create("bob", tuple(Scope))
-    with structlog.testing.capture_logs() as entries:
+    with captured_logs() as entries:
         client.get("/v1/tunings", headers=header(token))
         client.get(f"/v1/tunings/{token}/events", headers=header(token))
         client.get(f"/{token}")
@@ -162,7 +161,7 @@ def test_commands_for_keys_leave_a_trail(tmp_path: Path, monkeypatch: pytest.Mon
 
 def test_act_that_cannot_be_written_is_in_the_log(tmp_path: Path) -> None:
     """With the reason; it has happened all the same."""
-    with structlog.testing.capture_logs() as entries:
+    with captured_logs() as entries:
         Trail(tmp_path / "none" / "audit").write(action="GET /", key="a")
     (entry,) = entries
     assert entry["log_level"] == "error"

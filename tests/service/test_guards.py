@@ -9,11 +9,10 @@ from pathlib import Path
 
 import httpx
 import pytest
-import structlog
 from fake_tune import SLOW
 from real import until
 from samples import ROBUSTNESS, tuning
-from serving import served
+from serving import captured_logs, served
 
 from service.configuration import Configuration
 from service.http import guards
@@ -112,7 +111,7 @@ def test_caller_who_leaves_within_a_body_is_no_fault(
     client: httpx.Client, connection: socket.socket
 ) -> None:
     """The log has status 499 for it, and no error."""
-    with structlog.testing.capture_logs() as lines:
+    with captured_logs() as lines:
         connection.sendall(_head(1000) + b"{")
         time.sleep(0.2)
         connection.close()

@@ -10,13 +10,12 @@ from pathlib import Path
 
 import httpx
 import pytest
-import structlog
 from fake_tune import SLOW
 from fastapi.testclient import TestClient
 from pydantic import ValidationError
 from real import until
 from samples import altered, tuning
-from serving import served
+from serving import captured_logs, served
 from typer.testing import CliRunner
 
 from service.cli.commands import app
@@ -70,7 +69,7 @@ def test_long_answers_are_compressed_and_streams_are_not(client: httpx.Client) -
 
 def test_log_tells_no_content(client: httpx.Client) -> None:
     """A request is logged by method, path, status and time; not its query, body or key."""
-    with structlog.testing.capture_logs() as entries:
+    with captured_logs() as entries:
         client.post(
             f"{PATH}?token=of-the-query",
             json=tuning(803),

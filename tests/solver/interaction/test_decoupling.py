@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from solver.interaction.decoupled_loops import DecoupledLoops
-from solver.interaction.decoupling import Decoupling, DecouplingSpecification, decouple
+from solver.interaction.decoupling import Decoupling, DecouplingSpecification, _peaks, decouple
 from solver.interaction.loop_shape import RobustnessLimits
 from solver.interaction.pi_design import DesignStatus
 from solver.model.controllers import ParallelForm
@@ -524,3 +524,16 @@ def test_peaks_of_lightly_damped_plants_are_those_between_the_samples() -> None:
     seen = np.abs(H).max(axis=0)
     assert (found.closed_loop.exact_peaks >= seen * (1 - 1e-9)).all()
     assert found.closed_loop.exact_peaks[0, 1] == pytest.approx(seen[0, 1], rel=1e-4)
+
+
+def test_peaks_of_many_elements_take_the_memory_of_one() -> None:
+    """They are refined side by side, each at frequencies of its own."""
+    asked = []
+
+    def response(omega: np.ndarray) -> np.ndarray:
+        asked.append(omega.size)
+        place = np.arange(1.0, 37.0).reshape(6, 6)
+        return 1 / (1 + (np.log(omega)[:, None, None] - place / 10) ** 2) + 0j
+
+    np.testing.assert_allclose(_peaks(response, np.geomspace(1e-2, 1e2, 60)), 1, rtol=1e-6)
+    assert max(asked) == 60
