@@ -274,11 +274,16 @@ def interconnection(
     # C S = (C^-1 + G)^-1 keeps its digits under integral action, where C and G C are huge.
     CS = np.linalg.inv(identity / c[:, None, :] + G)
     S = CS / c[:, :, None]
-    right = np.concatenate([G, np.broadcast_to(identity, G.shape)], axis=2)
-    left = np.concatenate([-w_I[:, :, None] * CS, w_P[:, None, None] * S], axis=1)
-    kept = size + outputs
-    product: NDArray[np.complex128] = left[:, :kept] @ right[:, :, :kept]
-    return product
+    # S G = C^-1 - C^-1 C S C^-1. Off the diagonal that is no difference of products, which grow
+    # without bound towards zero where one input acts through integrators and another does not.
+    SG = -S / c[:, None, :]
+    on = np.arange(size)
+    SG[:, on, on] = np.einsum("kij,kji->ki", S, G)
+    left = np.concatenate([SG, S[:, :, :outputs]], axis=2)
+    found: NDArray[np.complex128] = np.concatenate(
+        [-(w_I * c)[:, :, None] * left, w_P[:, None, None] * left[:, :outputs]], axis=1
+    )
+    return found
 
 
 def _rational(weight: TransferFunction) -> TransferFunction:

@@ -208,6 +208,18 @@ def test_an_integrator_with_a_lag_is_controlled_without_integral_action(n, lag, 
     assert result.tau_p == pytest.approx(tau_p, rel=1e-4)
 
 
+def test_an_input_that_alone_integrates_is_tuned():
+    """Both outputs integrate the first input only: S G is a difference of products without bound.
+
+    What rounding left of it towards zero once passed for a peak, and the plant for infeasible.
+    """
+    rows = [[((0.1,), (1, 0)), ((0.3,), (10, 1))], [((0.02,), (1, 0)), ((1,), (15, 1))]]
+    result = run(MatrixPlant([[TransferFunction(*each) for each in row] for row in rows]))
+    assert result.status is Status.OPTIMAL
+    assert result.tau_p == pytest.approx(1.74978, rel=1e-4)
+    assert result.peaks.robust_performance.value <= 1 + 1e-7
+
+
 def test_feedthrough_with_dead_time_is_held_at_infinity():
     """G = e^-5s: (2k + 1/2)/(1 - k) <= 1 for the worst phase, so k <= 1/6 and tau_P = 6.29357."""
     plant = ParallelPlant(1, TransferFunction([1], [1], 5), NONE)
