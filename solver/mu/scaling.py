@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 __all__ = ["sweep", "upper_bound"]
 
+FAR = 3.0  # log of squared scales that balanced ones rarely differ by from the best
 FEW = 2  # frequencies that are not worth eight lanes
 
 
@@ -75,8 +76,8 @@ class _Scratch(NamedTuple):
         uncertain rows.
     A, mixed : (rows,), (rows,) complex
         As of `sensitivities`.
-    trial : (scales,)
-        Log of the squared scales best for mu.
+    trial, balanced : (scales,)
+        Log of the squared scales best for mu, and of balanced ones.
     done : (k,) bool
         Frequencies that were solved side by side.
 
@@ -91,6 +92,7 @@ class _Scratch(NamedTuple):
     A: NDArray[np.float64]
     mixed: NDArray[np.complex128]
     trial: NDArray[np.float64]
+    balanced: NDArray[np.float64]
     done: NDArray[np.bool_]
 
 
@@ -173,6 +175,7 @@ def sweep(G, c, u, b, layout, all_free, nu, cold, y):
         A=np.empty(rows),
         mixed=np.empty(rows, np.complex128),
         trial=np.empty(y.shape[1]),
+        balanced=np.empty(y.shape[1]),
         done=np.zeros(G.shape[0], np.bool_),
     )
     if _is_small(layout, y.shape[1]) and t.size > FEW:
@@ -219,6 +222,8 @@ def _sweep(G, c, u, b, layout, all_free, nu, cold, y, scratch, ws, t, slope, det
             elif cold:
                 balance(factors, y[k], ws)
             t[k], centre = _solve_from(factors, scratch, y[k], nu, ws)
+            if cold and k > 0:
+                t[k], centre = _solve_again(factors, scratch, y[k], t[k], centre, nu, ws)
             total = sensitivities(factors, centre, ws, A, mixed) if abs(t[k]) < math.inf else 1.0
         if not abs(t[k]) < math.inf:
             continue
@@ -277,6 +282,36 @@ def _solve_from(factors, scratch, y, nu, ws):
         else:
             break
     return t, centre
+
+
+@inner
+def _solve_again(factors, scratch, y, t, centre, nu, ws):
+    """Solve from balanced scales too where a solution is far from them; the better one stays.
+
+    From the scales of a neighbour that is far off, as of the last frequency of one part of the
+    axis for the first of another, rounding may stop the descent before it has begun.
+    """
+    balanced = scratch.balanced
+    balanced[:] = 0.0
+    balance(factors, balanced, ws)
+    for i in range(y.size):  # which the search for them has overwritten
+        ws.x[i] = math.exp(y[i])
+        ws.x_inverse[i] = 1.0 / ws.x[i]
+    demanded = False
+    for i in range(factors.b.size):
+        demanded |= factors.b[i] > 0.0
+    least, most = math.inf, -math.inf
+    for i in range(y.size):
+        least, most = min(least, y[i] - balanced[i]), max(most, y[i] - balanced[i])
+    # Without a demand a common factor of the scales is free.
+    if most - least < FAR and (not demanded or max(abs(least), abs(most)) < FAR):
+        return t, centre
+    other, its_centre = _solve_from(factors, scratch, balanced, nu, ws)
+    if other > t:
+        for i in range(y.size):
+            y[i] = balanced[i]
+        return other, its_centre
+    return _solve_from(factors, scratch, y, nu, ws)
 
 
 @inner
