@@ -68,12 +68,26 @@ def interrupted(tmp_path: Path, when: str, *options: str) -> subprocess.Complete
     )
 
 
+def test_a_command_ends_when_all_is_said() -> None:
+    """A prompt is not kept waiting for what was imported to be taken apart."""
+    program = (
+        "import atexit; atexit.register(print, 'taken apart'); import service.cli as c; c.main()"
+    )
+    done = subprocess.run(  # noqa: S603 - our own interpreter and text
+        [sys.executable, "-c", program, "examples"], capture_output=True, check=False, text=True
+    )
+    assert done.returncode == 0
+    assert "parallel_reactors" in done.stdout
+    assert "taken apart" not in done.stdout
+
+
 @pytest.mark.parametrize("options", [(), ("--json",)])
 def test_the_best_so_far_is_printed(tmp_path: Path, options: tuple[str, ...]) -> None:
     """The search stops, what it has is printed and checked as ever, and the code is 130."""
     done = interrupted(tmp_path, "found", *options)
     assert done.returncode == 130, done.stderr
     assert "fault" not in done.stderr
+    assert "Stopping; the best so far is checked." in done.stderr
     if options:
         document = json.loads(done.stdout)
         assert document["status"] == "time_limit"
