@@ -34,13 +34,13 @@ def tolerance_text(near: SettingsTolerance) -> str:
     )
 
 
-def together_text(result: TuningResult) -> str | None:
+def together_text(result: TuningResult, names: Sequence[str] = ()) -> str | None:
     """Return in one sentence the joint move that hurts most; None where there is none nearby."""
     near = result.settings_tolerance
     if near is None or not near.together:
         return None
     moves = ", ".join(
-        f"{each.parameter.replace('_', ' ')} of {loops_text(result.groups[each.group])} "
+        f"{each.parameter.replace('_', ' ')} of {_group(result, each.group, names)} "
         f"{100 * each.change:+.2g} %"
         for each in near.together
         if abs(each.change) >= _WORTH_NAMING * max(abs(other.change) for other in near.together)
@@ -48,12 +48,22 @@ def together_text(result: TuningResult) -> str | None:
     return f"Together it takes no more than: {moves}."
 
 
-def range_rows(result: TuningResult, names: Sequence[str] = ()) -> list[tuple[str, ...]]:
-    """Return name, lowest, present and highest value of each setting, groups called `names`."""
+def range_rows(
+    result: TuningResult, names: Sequence[str] = (), unit: str | None = None
+) -> list[tuple[str, ...]]:
+    """Return name, lowest, present and highest value of each setting, groups called `names`.
+
+    Times are said to be in `unit`, where it is given.
+    """
     near = result.settings_tolerance
     rows: list[tuple[str, ...]] = []
     for each in near.alone if near else ():
-        loops = names[each.group] if names else loops_text(result.groups[each.group])
+        named = each.parameter.replace("_", " ")
+        named += f", {unit}" if unit and each.parameter.endswith("_time") else ""
         numbers = number(each.low), number(each.value), number(each.high)
-        rows.append((f"{loops}, {each.parameter.replace('_', ' ')}", *numbers))
+        rows.append((f"{_group(result, each.group, names)}, {named}", *numbers))
     return rows
+
+
+def _group(result: TuningResult, group: int, names: Sequence[str]) -> str:
+    return names[group] if names else loops_text(result.groups[group])

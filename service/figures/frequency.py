@@ -15,6 +15,7 @@ from service.figures.panels import Panels
 from service.figures.style import IDENTICAL, NEUTRAL, THIN, frequency_title, line, log_axis
 from service.schemas.drawn import DrawnCurves
 from service.schemas.peaks import Curves, Peak, Peaks
+from service.sheet.naming import loops_name, unlike
 from service.tuned import RequestedTuning
 from service.wording import TIME_UNIT, number
 from solver.model.blocks import group_loops
@@ -160,8 +161,8 @@ def controllers(tuned: RequestedTuning) -> go.Figure:
         height=480,
     )
     drawn = [
-        (setting.label, setting.controller, line(index))
-        for index, setting in enumerate(tuned.settings)
+        (loops_name(tuned, setting.units), setting.controller, line(index))
+        for index, setting in enumerate(unlike(tuned))
     ]
     if tuned.identical:
         drawn.append(("identical settings", tuned.identical[0], IDENTICAL))
@@ -193,10 +194,14 @@ def sensitivity(tuned: RequestedTuning) -> go.Figure:
         height=520,
     )
     alone = [
-        (f"{setting.label} alone", line(index), _alone(tuned.plant, tuned.loops, setting.units[0]))
-        for index, setting in enumerate(tuned.settings)
+        (
+            f"{loops_name(tuned, setting.units)} alone",
+            line(index),
+            _alone(tuned.plant, tuned.loops, setting.units[0]),
+        )
+        for index, setting in enumerate(unlike(tuned))
     ]
-    all_closed = line(len(tuned.settings))
+    all_closed = line(len(alone))
     together = [("all closed", all_closed, _together(tuned, tuned.loops, omega))]
     if tuned.identical:
         name = "identical settings"

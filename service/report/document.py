@@ -28,7 +28,7 @@ from service.report.typed import typed_in_per_cent
 from service.schemas import canonical
 from service.settings_wording import range_rows, resolution_text, together_text, tolerance_text
 from service.sheet.document import loop_sheet
-from service.sheet.naming import loops_name
+from service.sheet.naming import loops_name, with_unit
 from service.tuned import RequestedTuning
 from service.wording import (
     OBJECTIVES,
@@ -90,6 +90,8 @@ def report_html(tuned: RequestedTuning, made_at: datetime, job: str | None = Non
         feet=_feet(title, tuned, digest),
         names=list(names.values()),
         behaviour=sheet.behaviour,
+        moves_by=with_unit(tuned, "valve moves by", "input"),
+        error=with_unit(tuned, "error after load", "output"),
         risks=sheet.risks,
         headline=headline(result, tuned.unit),
         objective=OBJECTIVES[result.objective],
@@ -120,9 +122,9 @@ def report_html(tuned: RequestedTuning, made_at: datetime, job: str | None = Non
         margins=[] if tuned.mixes_inputs else _margins(tuned.plant, tuned.loops, names),
         as_found=_as_found(tuned),
         resolution=resolution_text(result),
-        ranges=range_rows(result, list(names.values())),
+        ranges=range_rows(result, list(names.values()), tuned.unit),
         tolerance=tolerance_text(near) if (near := result.settings_tolerance) else None,
-        together=together_text(result),
+        together=together_text(result, list(names.values())),
         figures={name: figure.layout.meta for name, figure in figures.items()},
         omitted={**sheet.omitted, **drawn.omitted},
         request=json.dumps(json.loads(request), indent=2),

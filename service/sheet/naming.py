@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from service.schemas.fields import Instrument
-from service.tuned import RequestedTuning
+from service.tuned import RequestedTuning, Setting
+from solver.model.controllers import Controller
 from solver.model.loop_names import loops_text
 
-__all__ = ["instrument_of", "loops_name"]
+__all__ = ["instrument_of", "loops_name", "unlike", "with_unit"]
 
 _LISTED = 3  # tags that are told one by one
 
@@ -20,6 +21,24 @@ def instrument_of(tuned: RequestedTuning, unit: int) -> Instrument:
     # One entry for all of several loops says their spans, and no tag of any of them.
     shared = n > 1 and len(tuned.request.instruments or ()) == 1
     return own.model_copy(update={"tag": None}) if shared else own
+
+
+def unlike(tuned: RequestedTuning) -> tuple[Setting, ...]:
+    """Return the different settings, those of equal units that came out equal as one."""
+    if not tuned.plant.interchangeable:
+        return tuned.settings
+    found: dict[Controller, tuple[int, ...]] = {}
+    for setting in tuned.settings:
+        units = found.get(setting.controller, ()) + setting.units
+        found[setting.controller] = tuple(sorted(units))
+    return tuple(Setting(units, controller) for controller, units in found.items())
+
+
+def with_unit(tuned: RequestedTuning, words: str, signal: str) -> str:
+    """Return the head of a column, with the unit of the signals where all loops have the same."""
+    units = {getattr(instrument_of(tuned, unit), f"{signal}_unit") for unit in range(tuned.plant.n)}
+    unit = units.pop() if len(units) == 1 else None
+    return f"{words}, {unit}" if unit else words
 
 
 def loops_name(tuned: RequestedTuning, units: Sequence[int]) -> str:

@@ -28,6 +28,6 @@ export const partsOf = (parts) => parts.filter(({ text }) => text !== "").map((p
     const text = inOwnUnit(part.text);
     return h("p", { class: `said ${part.style}` }, part.style === "plain" ? text : h("strong", {}, text));
   }
-  const [first, ...heads] = part.heads.map(inOwnUnit);
-  return table(first || "Result", ["", ...heads], part.rows);
+  const heads = part.heads.map((head) => inOwnUnit(head).replace(/^[a-z]/, (first) => first.toUpperCase()));
+  return table("", heads, part.rows);
 });

@@ -1,9 +1,9 @@
 /** Any number of tunings side by side: results, what differs between their requests, curves in overlays. */
 
-import { request } from "./api.js";
+import { Problem, request } from "./api.js";
 import { button, h, help, lead, put, table } from "./dom.js";
 import { drawFigures, inUnit, waiting } from "./figures.js";
-import { clock, label, number, rangesOf, setTimeUnit, timeUnit, unitText } from "./format.js";
+import { clock, label, number, option, rangesOf, setTimeUnit, timeUnit, unitText } from "./format.js";
 import { summaryOf } from "./summary.js";
 import { rescaled, unitOfJob, unitsIn } from "./units.js";
 
@@ -14,7 +14,8 @@ const DASHES = ["solid", "dash", "dashdot", "longdash"];
 const flat = (value, pointer = "") =>
   value !== null && typeof value === "object"
     ? Object.entries(value).flatMap(([key, item]) => flat(item, `${pointer}/${key}`))
-    : [[pointer, typeof value === "number" ? number(value) : String(value ?? "–")]];
+    : [[pointer, typeof value === "number" ? number(value)
+      : /^[a-z]+(_[a-z]+)+$/.test(value ?? "") ? option(value) : String(value ?? "–")]];
 
 /** What is worth comparing. @param {any} result */
 const essence = ({ tau_p, peaks, comparison, loops, groups }) => ({
@@ -74,12 +75,12 @@ export async function compareView({ main, signal, go }, query) {
     body);
   if (!ids.length) return;
   const jobs = await Promise.all(ids.map((id) => request("GET", `/v1/tunings/${id}`, { signal })));
-  const own = unitOfJob(jobs[0]);
+  const own = jobs.map(unitOfJob).find((unit) => unitsIn(unit, "s")) ?? unitOfJob(jobs[0]);
   setTimeUnit(own ?? "");
   const found = jobs.map((job) => unitsIn(unitOfJob(job), own));
   const factors = found.map((factor) => (Number.isNaN(factor) ? 1 : factor));
-  const told = found.some(Number.isNaN) ? "The unit of time of one is not known: its times are compared as they stand."
-    : `Times are in ${timeUnit()}.`;
+  const strange = LETTERS.split("").filter((_, i) => Number.isNaN(found[i])).join(", ");
+  const told = `Times are in ${timeUnit()}${strange && `, but as they stand in ${strange}: the unit is not known`}.`;
   const heads = jobs.map((job, i) => h("span", {},
     h("a", { href: `#/tunings/${job.id}` }, `${LETTERS[i]}: ${summaryOf(job).title}`), " ",
     closing(`Leave out ${LETTERS[i]}`, () => open(ids.filter((one) => one !== job.id)))));
@@ -93,10 +94,25 @@ export async function compareView({ main, signal, go }, query) {
     jobs.length > 1 && h("section", { class: "card" }, differing.length
       ? table("Where the requests differ", ["", ...jobs.map((_, i) => LETTERS[i])], differing)
       : h("p", {}, "The requests are the same.")), figures);
-  const sheets = await Promise.all(jobs.map(({ id, result }) => result?.loops.length
-    ? request("GET", inUnit(`/v1/tunings/${id}/sheet`), { signal }) : null));
+  const sheets = await sheetsOf(jobs, signal);
   await drawFigures(figures, overlaid(jobs, sheets, factors, found.some(Number.isNaN)), "mutune-comparison");
+  const missing = LETTERS.split("").filter((_, i) => jobs[i]?.result?.loops.length && !sheets[i]).join(", ");
+  if (missing) figures.prepend(help(`Without the responses of ${missing}, which took too long: open it by itself.`));
   figures.removeAttribute("aria-busy");
+}
+
+/** The sheets of runs, one after another, each with all of the time that it may take. @param {any[]} jobs
+ * @param {AbortSignal} signal @returns {Promise<any[]>} null where there is none, or none in time */
+async function sheetsOf(jobs, signal) {
+  const sheets = [];
+  for (const { id, result } of jobs) {
+    const asked = result?.loops.length && request("GET", inUnit(`/v1/tunings/${id}/sheet`), { signal });
+    sheets.push(await Promise.resolve(asked || null).catch((error) => {
+      if (!(error instanceof Problem) || signal.aborted) throw error;
+      return null;
+    }));
+  }
+  return sheets;
 }
 
 /**

@@ -24,15 +24,14 @@ export function put(place, ...children) {
 }
 
 /**
- * A table with its caption and headers; the first cell of a row is its header.
+ * A table with its caption, where it has one, and headers; the first cell of a row is its header.
  * @param {string} caption @param {Child[]} head @param {Child[][]} rows
  */
 export function table(caption, head, rows) {
   const cell = (/** @type {Child} */ content, column) => (column || content === ""
     ? h("td", { class: String(content).length > LONG && "text" }, content) : h("th", { scope: "row" }, content));
-  return scroller(caption, "scroll",
-    h("table", {},
-      h("caption", {}, caption),
+  return scroller(caption || `${head[0] || "Result"}, table`, "scroll",
+    h("table", {}, caption ? h("caption", {}, caption) : null,
       h("thead", {}, h("tr", {}, head.map((text) => (text ? h("th", { scope: "col" }, text) : h("td"))))),
       h("tbody", {}, rows.map((row) => h("tr", {}, row.map(cell))))));
 }

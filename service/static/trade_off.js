@@ -1,9 +1,11 @@
 /** What a demand costs: the same tuning at several errors of the inputs, peaks, or limits of a demand. */
 
-import { once, request } from "./api.js";
+import { once, pause, request } from "./api.js";
 import { button, card, h, help, put } from "./dom.js";
 import { figuresOfAnswer, showFigures } from "./figures.js";
 import { faults, operation } from "./schema.js";
+
+const PERIOD = 1000; // milliseconds
 
 /** @param {string} text */
 function demand(text) {
@@ -24,8 +26,11 @@ export function tradeOff({ id, request: asked, result }) {
   const choices = Object.entries(PARAMETERS).filter(([name, { group }]) => typeof asked[group]?.[name] === "number");
   const buttons = choices.map(([name, { text }]) => button(text, async () => {
     for (const each of buttons) each.disabled = true;
-    put(figures, h("p", { class: "busy" }, "Tuning at several values …"));
-    const made = sweep(asked, name, result);
+    const told = h("p", { class: "busy" }, "Tuning at several values …");
+    put(figures, told);
+    const made = sweep(asked, name, result, (text) => {
+      if (told.textContent !== text) told.textContent = text;
+    });
     await showFigures(figures, made.then(({ drawn }) => drawn), `mutune-${id.slice(0, 8)}`);
     const ids = await made.then(({ jobs }) => jobs, () => []);
     const plot = /** @type {any} */ (figures.querySelector(".plot"));
@@ -46,9 +51,10 @@ const valueIn = (asked, parameter) => asked[PARAMETERS[parameter].group][paramet
 
 /**
  * @param {any} asked @param {string} parameter @param {any} result what stands at the value asked for
+ * @param {(text: string) => void} tell how far it is
  * @returns {Promise<{drawn: Figures, jobs: any[]}>}
  */
-async function sweep(asked, parameter, result) {
+async function sweep(asked, parameter, result, tell) {
   const { group, values } = PARAMETERS[parameter];
   const { input } = operation("/v1/tunings");
   const tunings = values.map((factor) => Number((factor * asked[group][parameter]).toPrecision(3)))
@@ -56,7 +62,15 @@ async function sweep(asked, parameter, result) {
       [group]: { ...asked[group], [parameter]: value } }))
     .filter((one) => faults(input, one).length === 0);
   const { id } = await request("POST", "/v1/batches", { body: { tunings }, headers: once() });
-  const answered = await request("GET", `/v1/batches/${id}/results`, { text: true });
+  let open = true;
+  const follow = async () => {
+    for (await pause(PERIOD); open; await pause(PERIOD)) {
+      const { count, states: { queued, running } } = await request("GET", `/v1/batches/${id}`);
+      tell(`Tuning at several values: ${count - queued - running} of ${count} done …`);
+    }
+  };
+  follow().catch(() => {}); // what fails is told by the results
+  const answered = await request("GET", `/v1/batches/${id}/results`, { text: true }).finally(() => (open = false));
   const lines = answered.trim().split("\n").map((line) => JSON.parse(line));
   const points = lines.map(({ index, result }) => ({
     value: tunings[index][group][parameter],

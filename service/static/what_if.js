@@ -3,7 +3,7 @@
 import { once, Problem, request } from "./api.js";
 import { card, h, help, put, table } from "./dom.js";
 import { newId } from "./fields.js";
-import { loopsOf, number, timed, timeUnit } from "./format.js";
+import { loopsOf, number, plain, timed, timeUnit } from "./format.js";
 
 const STEPS = 48; // of a slider, half of them to either side
 const WIDE = 4; // times the value asked for, at the ends
@@ -28,7 +28,7 @@ export function whatIf({ request: asked, result }) {
   const valueOf = ({ objective, tau_p, peaks }) => (objective === "tau_p" ? tau_p : peaks?.robust_performance.value);
   const tell = (found, how) => {
     if (!found.loops.length) {
-      put(place, h("p", { class: "error" }, `No settings meet this demand. ${found.reason ?? ""}`));
+      put(place, h("p", { class: "error" }, `No settings meet this demand: ${plain(found.reason ?? "")}`));
       return;
     }
     const [now, before] = [valueOf(found), valueOf(result)];
@@ -37,7 +37,7 @@ export function whatIf({ request: asked, result }) {
     const more = `${number(Math.abs(change), 3)} % ${change > 0 ? "more" : "less"} than ${number(before)}${unit}`;
     const value = `${result.objective === "tau_p" ? "τₚ" : "μ"} = ${number(now)}${unit}`;
     put(place, h("p", {}, h("strong", {}, value), Math.abs(change) < NOTHING ? ", as before. " : `, ${more}. `,
-      h("span", { class: "help" }, how)), settingsOf(found));
+      h("span", { class: "help" }, how)), settingsOf(found, asked.instruments ?? []));
   };
   const local = async () => {
     if (busy) return void (waiting = true);
@@ -96,13 +96,13 @@ export function whatIf({ request: asked, result }) {
     h("div", { class: "sliders" }, sliders), place, h("div", { class: "buttons" }, keep));
 }
 
-/** @param {any} found */
-function settingsOf({ loops, groups }) {
+/** @param {any} found @param {any[]} signals */
+function settingsOf({ loops, groups }, signals) {
   const keys = ["gain", "integral_time", "derivative_time", "filter_time"]
     .filter((key) => loops.some((loop) => loop[key]));
   const heads = { gain: "Gain", integral_time: `Integral time, ${timeUnit()}`,
     derivative_time: `Derivative time, ${timeUnit()}`, filter_time: `Filter time, ${timeUnit()}` };
-  const rows = groups.map((group) => [loopsOf(group),
+  const rows = groups.map((group) => [loopsOf(group, signals),
     ...keys.map((key) => number(loops[group[0]][key]))]);
   return table("Settings, cascade form", ["", ...keys.map((key) => heads[key])], rows);
 }

@@ -116,6 +116,25 @@ def test_runs_in_minutes_and_seconds_are_compared(watched: Watched, service: Ser
     expect(found).to_have_text(["25.77", "25.77"])
 
 
+def test_a_comparison_stands_without_the_responses_of_one(
+    watched: Watched, tuned: tuple[str, str]
+) -> None:
+    """Where a sheet takes too long, tables and the curves of the others are there all the same."""
+    watched.permit("status of 503")
+    page = watched.page
+    problem = {"title": "The analysis took too long", "status": 503}
+    page.route(
+        f"**/{tuned[0]}/sheet*",
+        lambda route: route.fulfill(
+            status=503, content_type="application/problem+json", body=json.dumps(problem)
+        ),
+    )
+    watched.go(f"#/compare?ids={','.join(tuned)}")
+    expect(page.get_by_text("Without the responses of A")).to_be_visible()
+    expect(page.get_by_role("row", name="Time constant")).to_contain_text("25.77")
+    expect(page.locator("[data-figure=set_point]")).to_contain_text("B: loop 1")
+
+
 def test_times_are_compared_in_one_unit(watched: Watched) -> None:
     """Hours and seconds of the same thing are equal; units that nobody knows are not converted."""
     watched.go("#/")

@@ -97,11 +97,13 @@ def test_the_best_so_far_is_printed(tmp_path: Path, options: tuple[str, ...]) ->
         assert done.stdout.startswith("Interrupted; the best so far: closed-loop time constant")
 
 
-@pytest.mark.parametrize("when", ["imports", "twice"])
-def test_ends_at_once(tmp_path: Path, when: str) -> None:
+@pytest.mark.parametrize(
+    ("when", "told"), [("imports", ""), ("twice", "Stopping; the best so far is checked.\n")]
+)
+def test_ends_at_once(tmp_path: Path, when: str, told: str) -> None:
     """In the first moments, and at the second Ctrl-C, there is one line and nothing else."""
     done = interrupted(tmp_path, when)
-    assert (done.returncode, done.stdout, done.stderr) == (130, "", "Interrupted.\n")
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", f"{told}Interrupted.\n")
 
 
 def test_a_progress_function_may_end_a_tuning() -> None:
