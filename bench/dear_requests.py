@@ -167,13 +167,13 @@ class Meter:
             time.sleep(0.02)
 
     def _look(self) -> None:
-        living: dict[int, float] = {}
-        for process in [self._root, *self._root.children(recursive=True)]:
-            with suppress(psutil.NoSuchProcess):
-                times = process.cpu_times()
-                living[process.pid] = times.user + times.system
-                self._peak = max(self._peak, process.memory_info().rss)
-        with self._lock:
+        with self._lock:  # from end to end: what ends between two looks counts once
+            living: dict[int, float] = {}
+            for process in [self._root, *self._root.children(recursive=True)]:
+                with suppress(psutil.NoSuchProcess):
+                    times = process.cpu_times()
+                    living[process.pid] = times.user + times.system
+                    self._peak = max(self._peak, process.memory_info().rss)
             self._ended += sum(used for pid, used in self._seen.items() if pid not in living)
             self._seen = living
 

@@ -21,6 +21,7 @@ from service.cli.outcomes import ExitCode, is_loopback, reported, say
 from service.configuration import Configuration
 from service.http.app import create_app
 from service.http.guards import HEAD_BYTES
+from service.jobs import forking
 from service.keys import KeyFile
 
 __all__ = ["serve"]
@@ -61,6 +62,7 @@ class _Server(uvicorn.Server):
         # What the start left in memory stays for good: looking through it for garbage would stop
         # everybody for a tenth of a second, again and again.
         gc.collect()
+        forking.give_back()
         gc.freeze()
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:

@@ -60,5 +60,6 @@ forking.tell("")
 # The collector writes into every object that it looks at, and a page written to is no longer
 # shared: what is here now it need not look at.
 gc.collect()
+forking.give_back()
 gc.freeze()
 forking.let_go("llvmlite")

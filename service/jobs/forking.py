@@ -21,7 +21,7 @@ from multiprocessing import forkserver, resource_tracker, util
 from pathlib import Path
 from typing import Any
 
-__all__ = ["begin", "let_go", "limit_threads", "listen", "progress", "start", "tell"]
+__all__ = ["begin", "give_back", "let_go", "limit_threads", "listen", "progress", "start", "tell"]
 
 _VARIABLE = "MUTUNE_START_PROGRESS"  # for the server alone: where it tells how far it is
 _SIZE = 200
@@ -161,3 +161,13 @@ def let_go(name: str) -> None:
         # What nobody writes to, nor has written to, is what the file holds.
         if name in mapping["path"] and "w" not in mapping["rights"] and mapping["own"] == "0":
             advise(ctypes.c_void_p(start), ctypes.c_size_t(end - start), mmap.MADV_DONTNEED)
+
+
+def give_back() -> None:
+    """Give back to the system what the C library keeps of memory that was freed.
+
+    Imports and the loading of kernels leave 7 MB of it, which would stay for good.
+    """
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None) if sys.platform == "linux" else None
+    if trim is not None:  # another C library than GNU's has none
+        trim(0)

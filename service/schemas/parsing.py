@@ -6,6 +6,7 @@ import difflib
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
@@ -183,17 +184,22 @@ def _words(model: type[BaseModel], item: ErrorDetails, place: Sequence[int | str
         least = context.get("min_length", 1)
         return f"at least {least} {'entry' if least == 1 else 'entries'} needed"
     if item["type"] in {"union_tag_invalid", "union_tag_not_found"}:
-        kinds = _kinds(model.model_json_schema(), place)
+        kinds = _kinds(_schema(model), place)
         near = difflib.get_close_matches(str(item.get("ctx", {}).get("tag")), kinds, 1)
         what = "no such kind" if item["type"] == "union_tag_invalid" else "a kind is needed"
         return f"{what}; did you mean {near[0]}?" if near else f"{what}: {', '.join(kinds)}"
     if item["type"] != "extra_forbidden":
         return item["msg"]
     given = str(place[-1])
-    names = field_names(model.model_json_schema(), place[:-1])
+    names = field_names(_schema(model), place[:-1])
     # A field of another kind of plant is named rightly, and has no place here.
     near = [] if given in names else difflib.get_close_matches(given, names, 1)
     return f"{_MEANT}{near[0]}?" if near else "no such field"
+
+
+@lru_cache(maxsize=2)  # of the model that a faulty request is of: made once, not for each fault
+def _schema(model: type[BaseModel]) -> dict[str, Any]:
+    return model.model_json_schema()
 
 
 def field_names(schema: dict[str, Any], location: Sequence[int | str]) -> list[str]:

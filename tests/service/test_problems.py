@@ -1,13 +1,14 @@
 """Bad input over HTTP: each fault is a problem that names the field, and never a 500."""
 
 import json
+from typing import Any
 
 import httpx
 import pytest
 from samples import TUNING, altered, tuning
 
 from service.analyses.controller_forms.request import ControllerFormsRequest
-from service.schemas import RequestError, parse_tuning_request
+from service.schemas import RequestError, TuningRequest, parse_tuning_request
 from service.schemas.parsing import parse
 
 PATH = "/v1/tunings"
@@ -140,6 +141,22 @@ def test_unknown_path_and_method_are_problems(client: httpx.Client) -> None:
 def test_refused_method_is_told_which_there_are(client: httpx.Client) -> None:
     """One Allow header, with the methods of all routes of the path."""
     assert client.put(PATH, json={}).headers.get_list("allow") == ["GET, POST"]
+
+
+def test_names_of_fields_are_looked_up_once_for_all_faults() -> None:
+    """The schema that knows them takes 25 ms to make: a faulty request must not take a second."""
+    made = []
+
+    class Asked(TuningRequest):
+        @classmethod
+        def model_json_schema(cls, *args: Any, **kwargs: Any) -> dict[str, Any]:
+            made.append(cls)
+            return super().model_json_schema(*args, **kwargs)
+
+    with pytest.raises(RequestError) as refused:
+        parse(Asked, json.dumps({f"plant{number}": 1 for number in range(50)}))
+    assert len(refused.value.faults) == 20
+    assert len(made) == 1
 
 
 @pytest.mark.parametrize("right", [0, 60])
