@@ -167,7 +167,8 @@ def read_stamps(cells: Sequence[str]) -> NDArray[np.float64] | int | None:
                 break
             values.append(value)
         if len(values) == len(cells):
-            found.append(np.array(values) - values[0])
+            # Seconds since 1970 leave room for microseconds.
+            found.append(np.round(np.array(values) - values[0], 6))
             if form is None:
                 break
         farthest = max(farthest, len(values))

@@ -189,9 +189,12 @@ def identify(
     if structure is PlantStructure.MATRIX:
         named = [(output, inputs) for output in outputs]
     else:
-        pair = ("own input", "another input")[: min(n, 2)]
-        names = outputs if structure is PlantStructure.UNITS else ("each output",)
-        named = [(output, pair) for output in names]
+        rest = ("another input",)[: n - 1]
+        named = (
+            [(output, (own, *rest)) for output, own in zip(outputs, inputs, strict=True)]
+            if structure is PlantStructure.UNITS
+            else [("each output", ("own input", *rest))]
+        )
     elements = tuple(
         element
         for fit, (output, ins) in zip(fits, named, strict=True)

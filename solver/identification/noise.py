@@ -7,6 +7,7 @@ autoregression of the residual; J' Omega J needs J filtered backwards in time, n
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -18,8 +19,11 @@ from scipy.special import stdtrit
 from solver.identification.fitting import steps
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
+    from solver.identification.colour import Colour
     from solver.identification.fitting import TimeLimits
     from solver.identification.row import Row, Solved
 
@@ -64,8 +68,27 @@ class Covariance:
     independent: float
 
 
-def covariance(row: Row, solved: Solved, limits: TimeLimits) -> Covariance:
-    """Return the covariance of shapes and gains at a fit."""
+def covariance(
+    row: Row,
+    solved: Solved,
+    limits: TimeLimits,
+    colours: Sequence[Colour | None] | None = None,
+) -> Covariance:
+    """Return the covariance of shapes and gains at a fit.
+
+    Parameters
+    ----------
+    row : Row
+        The readings.
+    solved : Solved
+        The fit.
+    limits : TimeLimits
+        The box of the shapes.
+    colours : sequence of Colour or None
+        Of each segment's disturbances, where they are known beside the autoregression: what says
+        more of the errors counts.
+
+    """
     columns = [solved.left]
     if any(solved.shapes):
         columns.insert(0, row.jacobian(solved, steps(solved.kinds, limits)))
@@ -76,7 +99,7 @@ def covariance(row: Row, solved: Solved, limits: TimeLimits) -> Covariance:
     u, s, vt = np.linalg.svd(F, full_matrices=False)
     kept = s > UNTOLD**0.5 * s[0]
     own = sum(base.shape[1] for base in solved.bases)
-    meat, variance, independent = _meat(row, solved, u[:, kept])
+    meat, variance, independent = _meat(row, solved, u[:, kept], colours)
     # Residuals are smaller than the noise by the share that the parameters have taken, and of
     # coloured noise they take as many independent readings.
     taken = own + int(np.count_nonzero(kept)) + (MEMORY if independent < 0.9 * row.readings else 0)
@@ -120,12 +143,15 @@ def _taken_as_known(solved: Solved, limits: TimeLimits, size: int) -> NDArray[np
 
 
 def _meat(
-    row: Row, solved: Solved, u: NDArray[np.float64]
+    row: Row,
+    solved: Solved,
+    u: NDArray[np.float64],
+    colours: Sequence[Colour | None] | None,
 ) -> tuple[NDArray[np.float64], float, float]:
     """Return u' Omega u, the residual's variance and its number of independent readings."""
     meat = np.zeros((u.shape[1], u.shape[1]))
     first, total, independent, used = 0, 0.0, 0.0, 0
-    for segment in row.segments:
+    for segment, colour in zip(row.segments, colours or [None] * len(row.segments), strict=True):
         last = first + segment.time.size
         seen = segment.weight > 0
         left = solved.residual[first:last][seen]
@@ -133,17 +159,43 @@ def _meat(
         first = last
         if not left.size:
             continue
-        model, innovation = autoregression(left)
-        filtered = backwards(model, part)
-        meat += innovation * filtered.T @ filtered
         variance = float(left @ left) / left.size
-        # Of white noise through 1/A the mean of k readings has the variance innovation/A(1)^2/k.
-        longrun = innovation / max(float(np.sum(model)) ** 2, 1e-12)
+        own, longrun = _by_autoregression(left, part)
+        if colour is not None:
+            # An autoregression is too short for a slow disturbance below white noise.
+            keep = math.exp(-float(np.median(np.diff(segment.time))) / colour.memory)
+            other = _by_colour(variance, colour.share, keep, part)
+            if np.trace(other[0]) > np.trace(own):
+                own, longrun = other
+        meat += own
         share = variance / longrun if longrun > 0 else 1.0
         independent += left.size * min(share, 1.0)
         total += variance * left.size
         used += left.size
     return meat, total / max(used, 1), independent
+
+
+def _by_autoregression(
+    left: NDArray[np.float64], part: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], float]:
+    """Return part' Omega part, and k times the variance of the mean of k readings."""
+    model, innovation = autoregression(left)
+    filtered = backwards(model, part)
+    # Of white noise through 1/A the mean of k readings has the variance innovation/A(1)^2/k.
+    return innovation * filtered.T @ filtered, innovation / max(float(np.sum(model)) ** 2, 1e-12)
+
+
+def _by_colour(
+    variance: float, share: float, keep: float, part: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], float]:
+    """Return the same of a disturbance with the correlation keep^|k - l|, and white noise."""
+    slow = variance / (1 + share)
+    later = part.T @ backwards(np.array([1.0, -keep]), part)[::-1]
+    within = part.T @ part
+    return (
+        slow * (later + later.T + (share - 1) * within),
+        slow * ((1 + keep) / (1 - keep) + share),
+    )
 
 
 def backwards(model: NDArray[np.float64], columns: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -166,7 +166,8 @@ def refit_row(
     solved = _rescanned(weighted, fit(weighted, kinds, solved.shapes, limits), limits)
     # The colour is told too poorly to trust what the weighted fit says of its own errors; those of
     # the plain fit are larger and ask for no colour's memory.
-    plain = covariance(row, row.solve(kinds, solved.shapes), limits)
+    colours = [segment.colour for segment in weighted.segments]
+    plain = covariance(row, row.solve(kinds, solved.shapes), limits, colours)
     return RowFit(weighted, solved, plain, limits)
 
 

@@ -102,7 +102,9 @@ class Allowed:
 
 def begin(row: Row, kinds: Sequence[ElementKind], limits: TimeLimits) -> Solved:
     """Return the best fit of given forms, from a scan."""
-    scanned = scan(row, limits).shapes
+    # A lag says nothing of an integrator: such elements are scanned as what they are.
+    first = kinds[0] if all(kind.integrating for kind in kinds) else ElementKind.FIRST
+    scanned = scan(row, limits, first).shapes
     starts = [[_shape(kind, *shape, share) for kind, shape in zip(kinds, scanned, strict=True)]
               for share in (0.0, 0.5, 1.0)]  # fmt: skip
     if not any("ratio" in kind.shape_names for kind in kinds):

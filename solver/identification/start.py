@@ -1,4 +1,4 @@
-"""Where a fit starts: first-order elements by scan over lag and dead time.
+"""Where a fit starts: first-order or integrating elements by scan over lag and dead time.
 
 Each input's candidates are simulated once; which of them explain the output together is then a
 matter of scalar products, so every candidate of one input is tried against the others' present
@@ -32,20 +32,30 @@ NEARLY_NOTHING = 1e-10  # part of a candidate that the others leave: below, it i
 
 @dataclass(frozen=True)
 class Scanned:
-    """First-order elements: (log_lag, dead_time) for each input, and what they leave."""
+    """Elements of one form: (log_lag, dead_time) for each input, and what they leave."""
 
     shapes: tuple[tuple[float, float], ...]
     cost: float
 
 
-def scan(row: Row, limits: TimeLimits) -> Scanned:
-    """Return the best combination of first-order elements on a grid."""
-    grid = [
-        (math.log(lag), dead)
-        for lag in np.geomspace(limits.shortest, limits.longest, LAGS)
-        for dead in _dead_times(limits)
-    ]
-    target, candidates = _projected(row, grid)
+def scan(row: Row, limits: TimeLimits, kind: ElementKind = ElementKind.FIRST) -> Scanned:
+    """Return the best combination of elements on a grid.
+
+    Parameters
+    ----------
+    row : Row
+        What they explain.
+    limits : TimeLimits
+        Of lags and dead times.
+    kind : ElementKind
+        Form of all of them: FIRST, INTEGRATOR_LAG or INTEGRATOR, whose lag says nothing.
+
+    """
+    lags = np.geomspace(limits.shortest, limits.longest, LAGS)
+    if kind is ElementKind.INTEGRATOR:
+        lags = lags[:1]
+    grid = [(math.log(lag), dead) for lag in lags for dead in _dead_times(limits)]
+    target, candidates = _projected(row, grid, kind)
     cost, choice = _choose(target, candidates)
     return Scanned(tuple(grid[index] for index in choice), cost)
 
@@ -58,7 +68,7 @@ def _dead_times(limits: TimeLimits) -> list[float]:
 
 
 def _projected(
-    row: Row, grid: list[tuple[float, float]]
+    row: Row, grid: list[tuple[float, float]], kind: ElementKind
 ) -> tuple[NDArray[np.float64], list[NDArray[np.float64]]]:
     """Return output and each input's candidates, each segment's offset projected out."""
     targets: list[NDArray[np.float64]] = []
@@ -70,7 +80,10 @@ def _projected(
         targets.append(output - base @ (base.T @ output))
         for index, moves in enumerate(segment.changes):
             block = weight * np.hstack(
-                [responses(ElementKind.FIRST, shape, segment.time, *moves) for shape in grid]
+                [
+                    responses(kind, shape[2 - len(kind.shape_names) :], segment.time, *moves)
+                    for shape in grid
+                ]
             )
             parts[index].append(block - base @ (base.T @ block))
     candidates = []

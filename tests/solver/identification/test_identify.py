@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 from drawn import Lag, lag, moves, record, respond
 
+from solver.identification.colour import Colour
 from solver.identification.elements import ElementKind
 from solver.identification.identify import identify
 from solver.identification.noise import covariance
 from solver.identification.problem import PlantStructure, Start, limits, matrix_rows, starts
 from solver.identification.record import Record
 from solver.identification.row_fit import fit_row
-from solver.identification.selection import Allowed, select
+from solver.identification.selection import Allowed, begin, select
 from solver.model.errors import UnsupportedPlantError
 from solver.model.plants import ParallelPlant
 
@@ -267,3 +268,45 @@ def test_each_record_is_an_alternative():
     found = identify([heaters("steps"), heaters("random")])
     assert [a.name for a in found.alternatives] == ["record steps", "record random"]
     assert found.cover.own is not None
+
+
+@pytest.mark.parametrize("seed", [0, 19, 20, 31])
+def test_integrators_start_as_integrators(seed):
+    """The fit is no worse than the true plant's; from lags it ended at up to five times that."""
+    generator = np.random.default_rng(seed)
+    row = [
+        Lag(
+            generator.choice([-1, 1]) * generator.uniform(0.02, 0.15),
+            np.inf,
+            generator.uniform(4, 40),
+            generator.uniform(0, 15),
+        )
+        for _ in range(2)
+    ]
+    one = record([row, row], generator, noise=1.5)
+    readings = matrix_rows([one], [Start.HELD])[0]
+    kinds = [ElementKind.INTEGRATOR_LAG] * 2
+    true = readings.solve(kinds, [(np.log(e.second), e.dead_time) for e in row])
+    assert begin(readings, kinds, limits([one])).cost <= true.cost
+
+
+def test_slow_disturbance_below_white_noise_widens_intervals():
+    """By its own colour, from the sums over all pairs; an autoregression alone is too short."""
+    generator = np.random.default_rng(0)
+    count, keep, share = 400, np.exp(-1 / 30), 0.8
+    apart = np.abs(np.subtract.outer(np.arange(count), np.arange(count)))
+    omega = (keep**apart + share * np.eye(count)) / (1 + share)
+    time = np.arange(float(count))
+    moved = moves(generator, count)
+    noise = np.linalg.cholesky(omega) @ generator.standard_normal(count)
+    one = Record(time, {"u": moved}, {"y": respond(Lag(1.0, 20.0, 0.0, 2.0), time, moved) + noise})
+    row, box = matrix_rows([one], [Start.HELD])[0], limits([one])
+    solved = row.solve([ElementKind.FIRST], [(np.log(20.0), 2.0)])
+    plain = covariance(row, solved, box)
+    widened = covariance(row, solved, box, [Colour(30.0, share)])
+    assert np.all(np.diag(widened.matrix) > np.diag(plain.matrix))
+    fixed = replace(box, fixed={0: solved.shapes[0]})
+    gain = covariance(row, solved, fixed, [Colour(30.0, share)])
+    left = solved.left[:, 0]
+    exact = gain.noise * np.sqrt(left @ omega @ left) / (left @ left)
+    assert np.sqrt(gain.matrix[-1, -1]) == pytest.approx(exact)
