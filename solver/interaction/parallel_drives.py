@@ -20,6 +20,7 @@ from solver.model.equality import ByValue
 from solver.model.errors import InvalidInputError, UnsupportedPlantError
 from solver.model.transfer_function import TransferFunction
 from solver.model.validation import instance, instances, real, reals, settle
+from solver.stability.singular import equilibrate, equilibration
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -42,7 +43,6 @@ __all__ = [
 MAX_DRIVES = 100
 # A singular value below this, relative to the largest, is zero but for rounding.
 _RANK_TOLERANCE = 1e-10
-_EQUILIBRATIONS = 30  # each halves the logarithms of what is left
 _SAME_DIRECTION = 1e-6
 
 
@@ -369,24 +369,8 @@ def _realise(
 
 
 def _rank(matrix: NDArray[np.float64]) -> int:
-    scaled, _ = _equilibrated(matrix)
+    scaled = equilibrate(matrix)  # a rank must not depend on the units of time, output and effort
     return int(np.linalg.matrix_rank(scaled, tol=_RANK_TOLERANCE * np.linalg.norm(scaled, 2)))
-
-
-def _equilibrated(
-    matrix: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return a matrix with rows and columns of like size, and the factors of its columns.
-
-    A rank must not depend on the units of time, output and effort, which scale both (D. Ruiz, "A
-    scaling algorithm to equilibrate both rows and columns norms in matrices", 2001).
-    """
-    scaled, factors = matrix.copy(), np.ones(matrix.shape[1])
-    for _ in range(_EQUILIBRATIONS):
-        rows, columns = np.max(np.abs(scaled), axis=1), np.max(np.abs(scaled), axis=0)
-        rows, columns = (1 / np.sqrt(np.where(size > 0, size, 1.0)) for size in (rows, columns))
-        scaled, factors = rows[:, None] * scaled * columns, factors * columns
-    return scaled, factors
 
 
 def _effort_drifts(model: DriveModel) -> NDArray[np.float64]:
@@ -395,8 +379,8 @@ def _effort_drifts(model: DriveModel) -> NDArray[np.float64]:
     Those that Gram and Schmidt make of the projections of the units, one after the other.
     """
     units = len(model.C) - 1
-    scaled, factors = _equilibrated(np.vstack([model.A, model.C[:1]]))
-    hidden = factors[:, None] * scipy.linalg.null_space(scaled, rcond=_RANK_TOLERANCE)
+    scaled, factors = equilibration(np.vstack([model.A, model.C[:1]]))
+    hidden = factors.T * scipy.linalg.null_space(scaled, rcond=_RANK_TOLERANCE)
     if hidden.shape[1] == 0:
         return np.zeros((0, units))
     efforts = model.C[1:] @ hidden

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 __all__ = [
     "SINGULAR_CONDITION",
     "equilibrate",
+    "equilibration",
     "has_empty_line",
     "is_singular",
     "lost_directions",
@@ -139,11 +140,18 @@ def has_empty_line(matrices: NDArray[np.inexact[Any]]) -> NDArray[np.bool_]:
 
 
 def equilibrate(matrices: NDArray[_Number]) -> NDArray[_Number]:
-    """Scale rows and columns to magnitude one (Ruiz 2001, infinity norm); none may be zero."""
+    """Scale rows and columns to magnitude one (Ruiz 2001, infinity norm); zero ones stay."""
+    return equilibration(matrices)[0]
+
+
+def equilibration(matrices: NDArray[_Number]) -> tuple[NDArray[_Number], NDArray[np.float64]]:
+    """Return `equilibrate` of matrices (..., m, n) and the factors of their columns (..., 1, n)."""
     core = matrices
+    factors = np.ones((*matrices.shape[:-2], 1, matrices.shape[-1]))
     # A round halves the distance to one in logarithm: 2^-12 of 24 decades is a factor 1.01.
     for _ in range(12):
-        row = np.sqrt(np.max(np.abs(core), axis=-1, keepdims=True))
-        column = np.sqrt(np.max(np.abs(core), axis=-2, keepdims=True))
+        sizes = (np.max(np.abs(core), axis=axis, keepdims=True) for axis in (-1, -2))
+        row, column = (np.sqrt(np.where(size == 0, 1.0, size)) for size in sizes)
         core = cast("NDArray[_Number]", core / row / column)
-    return core
+        factors = factors / column
+    return core, factors
