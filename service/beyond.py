@@ -150,20 +150,27 @@ def _verdict(document: dict[str, Any], objective: str, reason: str | None) -> st
     if document["limit"] is None:
         return "; ".join([*parts, reason or "no limit was found", *below]) + "."
     built = values.get("multivariable")
-    parts.append(
-        f"a multivariable controller that can be built reaches {number(built)}" if built
-        else f"the best multivariable controller found reaches {number(document['limit'])}"
-    )  # fmt: skip
-    sentence = "; ".join([*parts, *below])
+    if not built:
+        parts.append(f"the best multivariable controller found reaches {number(document['limit'])}")
+        return "; ".join([*parts, *below]) + "."
     ratios = {each["family"]: each["ratio"] for each in document["alternatives"]}
-    share = ratios.get("multivariable")
-    if not share:
-        return f"{sentence}."
+    parts.append(
+        f"a multivariable controller that can be built reaches {number(built)}"
+        + _against(ratios["multivariable"], objective)
+    )
+    any_order = f"of any order, {number(document['limit'])} was found"
+    return "; ".join([*parts, " and ".join([any_order, *below])]) + "."
+
+
+def _against(share: float | None, objective: str) -> str:
+    """Say what a share of the best single loops' value means."""
+    if share is None:
+        return ""
     if objective == "mu":
-        return f"{sentence}: it has {share:.0%} of the best single loops' peak."
+        return f", {share:.0%} of the best single loops' peak"
     if share > 1 / 1.05:  # what rounds to 1.0 is nothing won
-        return f"{sentence}: it would be no faster than the best single loops."
-    return f"{sentence}: it would be {1 / share:.1f} times as fast as the best single loops."
+        return ", no faster than the best single loops"
+    return f", {1 / share:.1f} times as fast as the best single loops"
 
 
 def _listed(values: dict[str, float | None], families: tuple[str, ...]) -> str:
