@@ -266,13 +266,15 @@ def prove(
     """
     claim = Claim(plant, uncertainty, performance, tuple(loops), level)
     size = width_of(plant, claim.loops, uncertainty, performance.output_scale)
-    outcome = certify(claim, interrupt, min(MAX_ATTEMPTS, BESIDE_A_RESULT // size**2), ends)
+    most = min(MAX_ATTEMPTS, BESIDE_A_RESULT // size**2)
+    outcome = certify(claim, interrupt, most, ends)
     if isinstance(outcome, Certificate):
         return outcome, []
     if outcome.obstacle is Obstacle.EXHAUSTED:
         reason = (
-            f"no certificate: with {size} unlike settings it takes longer than what goes with a "
-            "result; the guarantee stands without it"
+            f"no certificate: the document for a second program would need more than {most} "
+            "intervals, longer than a result may take; what the guarantee says holds without it. "
+            "mutune.certify in Python makes it, with more attempts (docs/certificate.md)"
         )
         return None, [reason]
     where = "" if outcome.omega is None else f" near omega = {outcome.omega:.4g} rad per time unit"

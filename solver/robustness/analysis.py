@@ -24,7 +24,7 @@ from solver.robustness.bandwidth import bandwidths
 from solver.robustness.curves import LoopAnalysis
 from solver.robustness.gain_factor import stable_gain_factor
 from solver.robustness.margins import loop_frequencies, loop_margins
-from solver.robustness.model_tolerance import model_tolerances
+from solver.robustness.model_tolerance import model_tolerances, tolerance_remark
 from solver.robustness.on_data import analyse_on_data
 from solver.robustness.proven_margins import proven_margins
 from solver.robustness.record import Robustness
@@ -120,7 +120,7 @@ def analyse(
     )
     proof: Certificate | None = None
     warnings = [*plant_remarks(plant), *_sign_unknown(uncertainty)]
-    warnings += filter(None, [worst.warning])
+    warnings += filter(None, [worst.warning, tolerance_remark(plant)])
     if certificate:
         level = PROVEN_ABOVE * peaks.robust_performance.value
         proof, reasons = prove(plant, uncertainty, performance, loops, level, ends=axis.ends(level))

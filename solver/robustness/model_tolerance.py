@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from solver.model.plants import Plant
     from solver.model.weights import Performance
 
-__all__ = ["ModelTolerance", "model_tolerances", "parameters"]
+__all__ = ["ModelTolerance", "model_tolerances", "parameters", "tolerance_remark"]
 
 SMALLEST_ERROR = 0.0096  # the errors tried: from about a per cent, doubling (never just -1),
 LARGEST_ERROR = 4.0  # up to five times the value, or to minus three times where signs may change,
@@ -379,6 +379,24 @@ def parameters(plant: Plant) -> Iterator[Parameter]:
             yield Parameter(name, None, partial(_mapped, plant, change))
     if isinstance(plant, ParallelPlant) and plant.n > 1 and not plant.interaction.is_zero:
         yield Parameter("interaction", None, partial(coupled, plant))
+
+
+def tolerance_remark(plant: Plant) -> str | None:
+    """Say which parameters of a matrix plant are not looked at element by element, if any."""
+    if plant.interchangeable or plant.n <= MAX_FULLY:
+        return None
+    names = ("gain", "time_constant", "dead_time")[int(plant.n <= MAX_BY_GAIN) :]
+    have = [
+        f"{name.replace('_', ' ')}s"
+        for name in names
+        if any(depends_on(name, element) for element in plant.elements)
+    ]
+    if not have:
+        return None
+    return (
+        f"model tolerance: of {plant.n} loops the {' and '.join(have)} of all elements are changed "
+        "together, in proportion; one element alone may be allowed less"
+    )
 
 
 def _mapped(plant: Plant, change: _Change, factor: float) -> Plant:

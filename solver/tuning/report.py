@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from solver.certificate.search import PROVEN_ABOVE, prove
 from solver.model.remarks import plant_remarks
 from solver.robustness.integrity import in_one_line
-from solver.robustness.model_tolerance import model_tolerances
+from solver.robustness.model_tolerance import model_tolerances, tolerance_remark
 from solver.tuning.advice import advice
 from solver.tuning.as_found import as_found
 from solver.tuning.bounds import gain_signs
@@ -102,6 +102,7 @@ def report(
         *_sign_warnings(specification, search),
         *remarks(search, end.candidate.theta),
         *search.specification.absent_from_spread,
+        *filter(None, [tolerance_remark(specification.plant)] * specification.model_tolerance),
     ]
     certificate = None
     if specification.certificate:

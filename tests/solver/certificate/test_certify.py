@@ -277,7 +277,8 @@ def test_a_proof_that_takes_too_long_beside_a_result_says_so(
     monkeypatch.setattr("solver.certificate.search.BESIDE_A_RESULT", 27)
     proof, reasons = prove(*task, loops, 10.0)
     assert proof is None
-    assert "3 unlike settings" in reasons[0]
+    assert "more than 3 intervals" in reasons[0]
+    assert "mutune.certify" in reasons[0]
 
 
 @pytest.mark.parametrize("ends", [[1e-4, 0.03, 10.0], [0.5, 2.0], [10.0, 20.0, 1e9]])

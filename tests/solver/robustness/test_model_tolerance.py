@@ -13,7 +13,12 @@ from solver.model.plants import MatrixPlant, Plant, first_order
 from solver.model.transfer_function import TransferFunction
 from solver.model.weights import Performance, Uncertainty
 from solver.robustness.axis import proven_peaks
-from solver.robustness.model_tolerance import ModelTolerance, model_tolerances, parameters
+from solver.robustness.model_tolerance import (
+    ModelTolerance,
+    model_tolerances,
+    parameters,
+    tolerance_remark,
+)
 from solver.stability.closed_loop import is_stable
 from tests.solver.robustness.unusual_loops import draw
 
@@ -158,3 +163,18 @@ def test_time_constants_and_dead_times_are_tried_down_to_nothing() -> None:
         assert is_stable(first_order(2, 1, 10 * (1 + error), 0.2, 1), loops) is stable
     assert found["dead_time"].stability[0] is None
     assert is_stable(first_order(2, 1, 10, 0.2), loops)
+
+
+@pytest.mark.parametrize(
+    ("n", "together"), [(3, ()), (4, ("time constants",)), (6, ("gains", "time constants"))]
+)
+def test_what_is_changed_in_all_elements_together_is_said(
+    n: int, together: tuple[str, ...]
+) -> None:
+    """Of more than three loops some, of more than five all parameters are those of all elements."""
+    one, other = TransferFunction([3.0], [10, 1]), TransferFunction([0.1], [10, 1])
+    rows = [[one if row == column else other for column in range(n)] for row in range(n)]
+    remark = tolerance_remark(MatrixPlant(rows)) or ""
+    for name in ("gains", "time constants", "dead times"):
+        assert (name in remark) == (name in together)
+    assert tolerance_remark(first_order(n, 1, 10, 0.2)) is None

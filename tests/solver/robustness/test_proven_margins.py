@@ -31,6 +31,11 @@ def figures(plant, loops):
     return margins, bandwidths(plant, loops, alone, loop_frequencies(plant, loops))
 
 
+def analyse_speeds(plant, loops):
+    """Margins and bandwidths as they are told."""
+    return proven_margins(plant, loops, *figures(plant, loops))[:2]
+
+
 @pytest.mark.parametrize(("plant", "loops"), [(PARALLEL, GROUPS), (DELAYED, WOOD_BERRY)])
 def test_wrong_figures_are_put_right(plant, loops):
     """Peaks that are too low and bandwidths that are too high become those of the curves."""
@@ -75,6 +80,20 @@ def test_dead_time_that_is_fed_through_hides_no_crossing():
     c = loops[0].response(omega)
     worst = np.maximum(abs(1 / (1 + (g + 3 * i) * c)), abs(1 / (1 + (g - i) * c)))
     assert worst[:-4].max() < np.sqrt(0.5)
+
+
+def test_a_ripple_of_dead_time_is_the_first_crossing():
+    """Long dead time from unit to unit: the slowest direction crosses at a ripple, not after it."""
+    plant = ParallelPlant(
+        2, TransferFunction([1], [1000, 1]), TransferFunction([0.5], [1000, 1], 100)
+    )
+    loops = (Controller(643, 1081, 0.4, 0.045), Controller(521, 956, 0.57, 0.063))
+    _, speeds = analyse_speeds(plant, loops)
+    omega = np.linspace(0.1, 1, 20_000) * speeds.worst_direction
+    G = plant.response(omega)
+    c = np.stack([loop.response(omega) for loop in loops], axis=-1)
+    smallest = np.linalg.svd(np.eye(2) + G * c[:, None], compute_uv=False)[:, -1]
+    assert smallest[:-4].min() > np.sqrt(2)
 
 
 def test_integrators_in_one_row_are_no_obstacle():
