@@ -240,8 +240,8 @@ class BandedPlant(NeighbourUnits):
         examples=["banded"],
     )
     n: Annotated[int, Field(ge=2, le=MAX_RING, json_schema_extra={"x-unit": "1"}), WHOLE] = Field(
-        description="Number of units; more than 20 with the same neighbour on both sides, one "
-        "place off, alone.",
+        description="Number of units; more than 20 with the same neighbours on both sides, whose "
+        "responses differ by factors alone.",
         examples=[12],
     )
 

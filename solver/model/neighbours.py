@@ -11,11 +11,12 @@ that share one D-scale for each place in a section (by convexity the best scales
 sections). Modes k and q - k are one real block [Re G_k, -Im G_k; Im G_k, Re G_k]; where the
 imaginary part vanishes, as for equal neighbours on both sides and p = 1, it is G_k twice.
 
-A row has two ends and no such symmetry, but its matrix with equal neighbours on both sides, one
-place off, is g I + i A with the sines sin(pi j k/(n + 1)) as eigenvectors of A. Under equal
-settings and errors, with one D-scale for all units, it splits into the plants
+A row has two ends and no such symmetry. But where its neighbours are equal on both sides and differ
+by real factors r_d alone (one dynamic response, a profile over the distance d), its matrix is
+g I + i A with the symmetric A(r, c) = r_|r - c|. Under equal settings and errors, with one D-scale
+for all units, it splits into the plants
 
-    g + 2 cos(pi k/(n + 1)) i,    k = 1 .. n.
+    g + a_k i,    a_k the eigenvalues of A:  2 cos(pi k/(n + 1)) with one neighbour, k = 1 .. n.
 
 One scale for all is an upper bound of mu, not the best: scales of their own gain the units at the
 ends a little (2e-5 of mu at most for 12 and 20 units).
@@ -28,6 +29,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.linalg import toeplitz
 
 from solver.model.errors import InvalidInputError, UnsupportedPlantError
 from solver.model.plants import MAX_MATRIX_SIZE, MatrixPlant, PlacedElement, Plant
@@ -52,6 +54,7 @@ __all__ = [
 
 MAX_RING, MAX_LINE = 100, 20  # of a row whose units share no scale
 ZERO = TransferFunction((0.0,), (1.0,))
+SAME = 4e-16  # relative: coefficients that differ by the rounding of a quotient
 VANISHES = 1e-15  # a factor that is zero but for the rounding of pi
 
 
@@ -62,8 +65,8 @@ class NeighbourPlant(Plant):
     Parameters
     ----------
     n : int
-        Number of units: 2..`MAX_RING`; in a row with more than the same neighbour on both sides
-        2..`MAX_LINE`, since its ends leave no symmetry.
+        Number of units: 2..`MAX_RING`; in a row whose neighbours are not equal on both sides, or
+        differ in more than a factor, 2..`MAX_LINE`, since its ends leave no symmetry.
     process : TransferFunction
         From a unit's input to its own output.
     ahead : tuple of TransferFunction
@@ -90,10 +93,10 @@ class NeighbourPlant(Plant):
         if not 2 <= self.n <= MAX_RING:
             message = f"the number of units in a {self._kind} must lie in 2..{MAX_RING}"
             raise InvalidInputError(message, "/n")
-        if self.n > MAX_LINE and not self.ring and not self.has_sines:
+        if self.n > MAX_LINE and not self.ring and self.profile is None:
             message = (
-                f"a row of more than {MAX_LINE} units must have the same neighbour on both sides, "
-                "one place off, and none further"
+                f"a row of more than {MAX_LINE} units must have the same neighbours on both sides, "
+                "which differ from each other by a factor alone (one response in time)"
             )
             raise InvalidInputError(message, "/ahead" if self.behind is None else "/behind")
         if self.process.is_zero:
@@ -113,9 +116,16 @@ class NeighbourPlant(Plant):
         return self.ahead if self.behind is None else self.behind
 
     @property
-    def has_sines(self) -> bool:
-        """Whether it is a row that sines split: the same neighbour on both sides, none further."""
-        return not self.ring and len(self.ahead) == 1 and self._behind == self.ahead
+    def profile(self) -> tuple[float, ...] | None:
+        """Factors of the neighbours 1, 2, .. places off on the first, of a row that they split.
+
+        None where neighbours differ on the two sides, or in more than a factor.
+        """
+        if self.ring or not self.ahead or self._behind != self.ahead:
+            return None
+        found = [_factor(element, self.ahead[0]) for element in self.ahead]
+        known = tuple(factor for factor in found if factor is not None)
+        return known if len(known) == len(found) else None
 
     @property
     def interchangeable(self) -> bool:
@@ -224,8 +234,7 @@ class Mode:
 def modes(plant: NeighbourPlant, places: int) -> tuple[Mode, ...]:
     """Return the blocks of a ring whose settings repeat every `places` units, or of a row."""
     if not plant.ring:
-        angles = math.pi * np.arange(1, plant.n + 1) / (plant.n + 1)
-        return tuple(Mode(np.array([1.0, 2 * cosine]), None, 1) for cosine in np.cos(angles))
+        return tuple(Mode(np.array([1.0, a]), None, 1) for a in _eigenvalues(plant).tolist())
     count = plant.n // places
     mirrored = places == 1 and plant.behind is None
     found = []
@@ -242,10 +251,40 @@ def modes(plant: NeighbourPlant, places: int) -> tuple[Mode, ...]:
     return tuple(found)
 
 
+def _eigenvalues(plant: NeighbourPlant) -> NDArray[np.float64]:
+    """Return those of A, (n,), of a row g I + i A."""
+    n, profile = plant.n, plant.profile
+    assert profile is not None  # noqa: S101 - for the type checker: who calls knows
+    if len(profile) == 1:
+        return np.asarray(2 * np.cos(math.pi * np.arange(1, n + 1) / (n + 1)))
+    return np.asarray(
+        np.linalg.eigvalsh(toeplitz([0.0, *profile, *[0.0] * (n - 1 - len(profile))]))
+    )
+
+
+def _factor(element: TransferFunction, first: TransferFunction) -> float | None:
+    """Return by which real factor an element is another one; None: by none."""
+    if element.is_zero:
+        return 0.0
+    if first.is_zero or element.dead_time != first.dead_time:
+        return None
+    own, its = (np.trim_zeros(np.asarray(each.num), "f") for each in (element, first))
+    if own.size != its.size or len(element.den) != len(first.den):
+        return None
+    factor = float(own[0] / its[0]) * first.den[0] / element.den[0]
+    alike = np.allclose(own / own[0], its / its[0], rtol=SAME, atol=0) and np.allclose(
+        np.array(element.den) / element.den[0],
+        np.array(first.den) / first.den[0],
+        rtol=SAME,
+        atol=0,
+    )
+    return factor if alike else None
+
+
 def period(plant: Plant, marks: Sequence[Hashable]) -> int | None:
     """Return after how many units a ring repeats itself, less than all; None: it does not.
 
-    Of a row with more units than a matrix 1, where sines split it.
+    Of a row with more units than a matrix 1, where a profile splits it.
 
     Parameters
     ----------
@@ -259,7 +298,7 @@ def period(plant: Plant, marks: Sequence[Hashable]) -> int | None:
         return None
     n = plant.n
     if not plant.ring:
-        split = plant.has_sines and n > MAX_MATRIX_SIZE and len(set(marks)) == 1
+        split = plant.profile is not None and n > MAX_MATRIX_SIZE and len(set(marks)) == 1
         return 1 if split else None
     for places in range(1, n):
         if n % places == 0 and all(marks[i] == marks[i % places] for i in range(n)):

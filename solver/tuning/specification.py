@@ -357,6 +357,10 @@ class Specification:
         settle(self, scenarios=instances(self.scenarios, Scenario, "/scenarios"))
         if self.spread is not None:
             instance(self.spread, Spread, "/spread")
+            for index, scenario in enumerate(self.scenarios):
+                if scenario.name == SPREAD:
+                    message = f"{SPREAD!r} is what is told of the spread: take another name"
+                    raise InvalidInputError(message, f"/scenarios/{index}/name")
             count = max(len(self.spread.axes(plant)) for plant in self.plants)
             if count > MOST_AXES:
                 message = (

@@ -121,10 +121,10 @@ def test_one_scale_for_a_row_costs_next_to_nothing(n: int) -> None:
     loops, demand = [Controller(9.0, 37.0)] * n, Performance(tau_p=8.0)
     split, controllers = group_loops(row, loops, UNCERTAIN)
     assert [block.size for block in split.blocks] == [1] * n
-    # A neighbour two places off that does nothing leaves the matrix whole.
+    # A neighbour two places off on one side, that does nothing, leaves the matrix whole.
     nothing = TransferFunction((0.0,), (1.0,))
     whole, _ = group_loops(
-        NeighbourPlant(n, PROCESS, (NEAR, nothing), None, ring=False), loops, UNCERTAIN
+        NeighbourPlant(n, PROCESS, (NEAR,), (NEAR, nothing), ring=False), loops, UNCERTAIN
     )
     assert [block.size for block in whole.blocks] == [n]
     omega = np.geomspace(1e-3, 10, 25)
@@ -151,10 +151,35 @@ def test_a_long_row_is_proven() -> None:
     ).nominally_stable
 
 
-def test_long_rows_have_one_neighbour_on_both_sides() -> None:
-    """Others have no sines: refused by name, as are settings that differ."""
-    for more, field in (({"ahead": (NEAR, FAR)}, "/ahead"), ({"behind": (FAR,)}, "/behind")):
-        with pytest.raises(InvalidInputError, match="same neighbour") as caught:
+def test_a_profile_of_neighbours_splits_a_row() -> None:
+    """Neighbours that differ by factors: the bound of one scale is the matrix's, to 1e-4."""
+    opposite = TransferFunction((-0.1,), (100.0, 2.0), 1.0)
+    row = NeighbourPlant(12, PROCESS, (NEAR, FAR, opposite), ring=False)
+    assert row.profile == pytest.approx((1, 1 / 3, -1 / 6))
+    later = TransferFunction((-0.1,), (100.0, 2.0), 1.0 + 1e-12)
+    whole = NeighbourPlant(12, PROCESS, row.ahead, (NEAR, FAR, later), ring=False)
+    assert whole.profile is None
+    loops, demand = [Controller(7.0, 37.0)] * 12, Performance(tau_p=9.0)
+    omega = np.geomspace(1e-3, 10, 25)
+    bound, best = (
+        LoopAnalysis(*group_loops(each, loops, UNCERTAIN), UNCERTAIN, demand)
+        .robust_performance(omega)
+        for each in (row, whole)
+    )  # fmt: skip
+    assert (bound >= best * (1 - 1e-7)).all()
+    assert (bound <= best * (1 + 2e-4)).all()
+    long = analyse(
+        NeighbourPlant(60, PROCESS, row.ahead, ring=False), UNCERTAIN, demand, [loops[0]] * 60
+    )
+    assert long.guarantee is not None
+    assert long.guarantee.status == "proven"
+
+
+def test_long_rows_have_neighbours_of_one_response() -> None:
+    """Others do not split: refused by name, as are settings that differ."""
+    slow = TransferFunction((0.1,), (60.0, 1.0), 1.0)
+    for more, field in (({"ahead": (NEAR, slow)}, "/ahead"), ({"behind": (FAR,)}, "/behind")):
+        with pytest.raises(InvalidInputError, match="the same neighbours") as caught:
             NeighbourPlant(30, PROCESS, **{"ahead": (NEAR,), **more}, ring=False)
         assert caught.value.field == field
     row = NeighbourPlant(30, PROCESS, (NEAR,), None, ring=False)

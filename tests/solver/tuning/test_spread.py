@@ -15,7 +15,7 @@ from solver.robustness.axis import proven_peaks
 from solver.tuning.record import Status
 from solver.tuning.scenarios import Scenario
 from solver.tuning.specification import Arrangement, Specification
-from solver.tuning.spread import Spread
+from solver.tuning.spread import SPREAD, Spread
 from solver.tuning.tuner import tune
 
 SLH = first_order(2, 1.0, 100.0, 0.949)
@@ -196,3 +196,10 @@ def test_cases_that_mirror_each_other_are_not_mistaken() -> None:
     )  # fmt: skip
     assert found.demand_met
     assert found.tau_p == pytest.approx(30.14, abs=0.05)
+
+
+def test_a_scenario_is_not_called_like_the_spread() -> None:
+    """Else nobody could tell which of them decides."""
+    with pytest.raises(InvalidInputError) as caught:
+        Specification(SLH, USUAL, Performance(), spread=Spread(0.1), scenarios=(Scenario(SPREAD),))
+    assert caught.value.field == "/scenarios/0/name"
