@@ -351,23 +351,27 @@ class Specification:
         own = (each for each in self.scenarios if each.plant is not None)
         return (self.uncertainty, *(each.uncertainty or self.uncertainty for each in own))
 
+    def _check_spread(self) -> None:
+        if self.spread is None:
+            return
+        instance(self.spread, Spread, "/spread")
+        for index, scenario in enumerate(self.scenarios):
+            if scenario.name == SPREAD:
+                message = f"{SPREAD!r} is what is told of the spread: take another name"
+                raise InvalidInputError(message, f"/scenarios/{index}/name")
+        count = max(len(self.spread.axes(plant)) for plant in self.plants)
+        if count > MOST_AXES:
+            message = (
+                f"{count} parameters spread, at most {MOST_AXES} are searched: let all units "
+                "deviate together, or fewer parameters"
+            )
+            raise InvalidInputError(message, "/spread/each_unit")
+
     def _settle(self) -> None:
         instance(self.plant, Plant, "/plant")
         require_fit(self.plant, self.uncertainty, self.performance)
         settle(self, scenarios=instances(self.scenarios, Scenario, "/scenarios"))
-        if self.spread is not None:
-            instance(self.spread, Spread, "/spread")
-            for index, scenario in enumerate(self.scenarios):
-                if scenario.name == SPREAD:
-                    message = f"{SPREAD!r} is what is told of the spread: take another name"
-                    raise InvalidInputError(message, f"/scenarios/{index}/name")
-            count = max(len(self.spread.axes(plant)) for plant in self.plants)
-            if count > MOST_AXES:
-                message = (
-                    f"{count} parameters spread, at most {MOST_AXES} are searched: let all units "
-                    "deviate together, or fewer parameters"
-                )
-                raise InvalidInputError(message, "/spread/each_unit")
+        self._check_spread()
         check_scenarios(self.scenarios, self.plant, self.uncertainty, self.performance)
         instance(self.bounds, Bounds, "/controller/bounds")
         instance(self.demands, Demands, "/demands")
