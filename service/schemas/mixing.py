@@ -35,7 +35,7 @@ class Mixing(RequestModel):
     inputs: _Rows | None = Field(
         default=None,
         description="Square matrix: column i is how loop i moves the inputs; their uncertainty "
-        "stays with each of them. null: loop i moves input i. For PI loops.",
+        "stays with each of them. null: loop i moves input i.",
         examples=[None, [[1.0, -1.0], [1.0, 1.0]]],
     )
 

@@ -1,8 +1,9 @@
 """Tuning of loops that move combinations of the inputs, whose uncertainty stays with the inputs.
 
 K = M_u C is no diagonal controller, but N_RP = [[w_I K S G, w_I K S], [w_P S G, w_P S]] is what it
-was, and so is the search for the best settings of a fixed structure (`structure_search`): PI
-loops on the columns of W = M_u, each scaled so that its own static gain is one.
+was, and so is the search for the best settings of a fixed structure (`structure_search`): loops on
+the columns of W = M_u, each scaled so that its own static gain is one; PI controllers first, then
+those with more parameters beside them.
 """
 
 from __future__ import annotations
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
 
     from solver.limits.structure_search import StructuredController
     from solver.model.mixing import Mixing
+    from solver.model.weights import Performance
     from solver.tuning.groupings import Groups
     from solver.tuning.record import Progress
     from solver.tuning.specification import Specification
@@ -44,6 +46,12 @@ if TYPE_CHECKING:
 __all__ = ["mixed_controller", "tune_task"]
 
 GRACE = 5.0  # seconds after the end, in which the best so far is checked on the whole axis
+# Further times over the integral time, where the search for other controllers than PI begins.
+_SHARES: dict[ControllerKind, list[tuple[float, ...]]] = {
+    ControllerKind.PID: [(1e-3,), (0.03,), (0.25,), (1.0,)],
+    ControllerKind.PIF: [(1e-3,), (0.1,)],
+    ControllerKind.PIDF: [(1e-3, 1e-3), (0.03, 0.003), (0.25, 0.03), (1.0, 0.3)],
+}
 SMALLEST = 1e-9  # of a loop's own gain over that of its row and column
 
 # What is not offered for loops that move combinations of inputs; and the field that asks for it.
@@ -56,7 +64,6 @@ _NOT_OFFERED: tuple[tuple[str, object, str, str], ...] = (
     ("optimality_gap", False, "/search/optimality_gap", "a proof of optimality"),
     ("demands", NO_DEMANDS, "/demands", "demands"),
     ("bounds", Bounds(), "/controller/bounds", "bounds"),
-    ("kind", ControllerKind.PI, "/controller/kind", "other controllers than PI"),
     ("signs", Signs.USUAL, "/controller/signs", "other signs"),
 )
 
@@ -110,27 +117,19 @@ def _tune(
         raise UnsupportedPlantError(message, "/mixing/inputs")
     scales = np.array(task.performance.output_scale or (1.0,) * task.plant.n)
     groups = named_partition(task)
-    structure, own = _structure(task, scales, groups)
+    first, own = _structure(task, scales, groups)
     clock = Clock(task.time_limit, progress, lambda value: value)
     clock.total = STARTS
     performance = replace(task.performance, output_scale=None)
-    search = StructureSearch(structure, task.uncertainty, performance, clock.tick)
-    status = Status.OPTIMAL
-    try:
-        found = search.run()
-    except OutOfTimeError:
-        status, found = Status.TIME_LIMIT, None
-        clock.grant(GRACE)
-        with suppress(OutOfTimeError):
-            found = search.kept()
-        if found is None:
-            reason = "no feasible settings were found within the time limit"
-            return _nothing(task, groups, clock, reason, status)
+    status, found, of = _searched(task, first, performance, clock)
+    if found is None and status is Status.TIME_LIMIT:
+        reason = "no feasible settings were found within the time limit"
+        return _nothing(task, groups, clock, reason, status)
     if found is None or found.robustness.peaks is None:
         reason = "none were found that meet the demand at any tau_P"
         return _nothing(task, groups, clock, reason, Status.INFEASIBLE)
     return replace(
-        _result(task, groups, found, own * scales),
+        _result(task, groups, found, of.loops(found.theta), own * scales),
         status=status,
         search=SearchSummary(STARTS, (), task.seed, clock.elapsed),
     )
@@ -193,6 +192,62 @@ def _structure(
     return structure, own
 
 
+def _searched(
+    task: Specification, first: Structure, performance: Performance, clock: Clock
+) -> tuple[Status, StructuredController | None, Structure]:
+    """Return the best settings found, and the structure that they are settings of.
+
+    PI controllers first; then all parameters of the kind, beginning beside these with times that
+    do next to nothing, so that nothing is lost, and with some that do; then the other one of two
+    optima that come in pairs, as long as that leads on.
+    """
+    status, found, of = _run(task, first, performance, clock)
+    if task.kind is ControllerKind.PI or status is Status.TIME_LIMIT:
+        return status, found, of
+    starts = []
+    for theta in first.starts if found is None else [found.theta]:
+        rows = theta.reshape(-1, 2)
+        for shares in _SHARES[task.kind]:
+            more = rows[:, 1:] + np.log([shares])
+            starts.append(np.hstack([rows, more]).ravel())
+    while starts and status is not Status.TIME_LIMIT:
+        richer = replace(first, parameters=task.kind.parameters, starts=starts)
+        status, better, _ = _run(task, richer, performance, clock)
+        if better is None or (found is not None and better.value >= found.value):
+            break
+        starts = _swapped(better.theta, task.kind)
+        found, of = better, richer
+    return status, found, of
+
+
+def _swapped(theta: NDArray[np.float64], kind: ControllerKind) -> list[NDArray[np.float64]]:
+    """Return settings with tau_I and tau_D in each other's place, k/tau_I being the same.
+
+    The cascade form is nearly symmetric in the two, so optima come in pairs.
+    """
+    if "derivative_time" not in kind.parameters:
+        return []
+    rows = theta.reshape(-1, len(kind.parameters)).copy()
+    rows[:, 0] += rows[:, 2] - rows[:, 1]
+    rows[:, 1:3] = rows[:, 2:0:-1]
+    return [rows.ravel()]
+
+
+def _run(
+    task: Specification, structure: Structure, performance: Performance, clock: Clock
+) -> tuple[Status, StructuredController | None, Structure]:
+    """Return the best settings of one structure."""
+    search = StructureSearch(structure, task.uncertainty, performance, clock.tick)
+    try:
+        return Status.OPTIMAL, search.run(), structure
+    except OutOfTimeError:
+        clock.grant(GRACE)
+        found = None
+        with suppress(OutOfTimeError):
+            found = search.kept()
+        return Status.TIME_LIMIT, found, structure
+
+
 def _scaled(element: TransferFunction, factor: float) -> TransferFunction:
     if element.is_zero:
         return element
@@ -204,12 +259,13 @@ def _result(
     task: Specification,
     groups: Groups,
     found: StructuredController,
+    settings: Sequence[Controller],
     units: NDArray[np.float64],
 ) -> Tuning:
     loops: list[Controller | None] = [None] * task.plant.n
-    for group, (_, gain, integral_time) in zip(groups, found.settings, strict=True):
+    for group, own in zip(groups, settings, strict=True):
         for unit in group:
-            loops[unit] = Controller(gain / float(units[unit]), integral_time)
+            loops[unit] = replace(own, gain=own.gain / float(units[unit]))
     return Tuning(
         status=Status.OPTIMAL,
         objective=task.objective.value,

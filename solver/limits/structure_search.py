@@ -8,7 +8,7 @@ the exact upper bound at its best scales. The grid takes up the peaks that a den
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -81,6 +81,8 @@ class StructuredController:
         The whole controller, u = C e; None where it is too large to be written down.
     robustness : Centralised
         Peaks and curves.
+    theta : (p,)
+        Logarithms of the settings, as the structure has them.
 
     """
 
@@ -91,6 +93,7 @@ class StructuredController:
     mixing: tuple[NDArray[np.float64], ...]
     controller: StateSpace | ModeController | None
     robustness: Centralised
+    theta: NDArray[np.float64] = field(compare=False, repr=False)
 
 
 def structured_controllers(
@@ -411,7 +414,7 @@ class StructureSearch:
                 )
                 return StructuredController(
                     structure.kind, tau_p if self.sought else peak.value, tau_p, settings,
-                    structure.mixing, structure.full(theta), found,
+                    structure.mixing, structure.full(theta), found, theta,
                 )  # fmt: skip
             self._on(np.union1d(self.omega, [peak.omega]))
         return None

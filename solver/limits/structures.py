@@ -23,6 +23,7 @@ import numpy as np
 from scipy import linalg
 
 from solver.model.blocks import Block, LoopBlocks
+from solver.model.controllers import Controller
 from solver.model.frequencies import corners
 from solver.model.mode_controller import ModeController
 from solver.model.plants import MatrixPlant
@@ -34,13 +35,13 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from solver.limits.youla import YoulaBlock
-    from solver.model.controllers import Controller
     from solver.model.plants import Plant
     from solver.model.transfer_function import TransferFunction
     from solver.model.weights import Uncertainty
 
 __all__ = ["Structure", "StructureKind", "structures"]
 
+PI_PARAMETERS = ("gain", "integral_time")
 SPEEDS = (0.02, 0.07, 0.2, 0.6)  # crossover over the bandwidth: where searches begin
 INTEGRAL = 3.0  # integral time over the inverse crossover, for plants slower than the loop
 FILTER = 1e3  # corner of the filter that makes an inverse proper, over the bandwidth
@@ -81,6 +82,8 @@ class Structure:
         time free.
     starts : list of (p,)
         Logarithms of settings to begin with: gain, integral time of each controller.
+    parameters : tuple of str
+        What is free in each controller, in this order, where `base` is None.
 
     """
 
@@ -92,16 +95,27 @@ class Structure:
     acts_on: tuple[str, ...]
     base: tuple[StateSpace, ...] | None
     starts: list[NDArray[np.float64]]
+    parameters: tuple[str, ...] = PI_PARAMETERS
+
+    def loops(self, theta: NDArray[np.float64]) -> tuple[Controller, ...]:
+        """Return the scalar controllers, without a `base`, for the logarithms `theta` (p,)."""
+        rows = np.exp(theta).reshape(-1, len(self.parameters)).tolist()
+        return tuple(Controller(**dict(zip(self.parameters, row, strict=True))) for row in rows)
 
     def settings(self, theta: NDArray[np.float64]) -> list[tuple[float, float | None]]:
         """Gain and integral time of each scalar controller for the logarithms `theta` (p,)."""
         values = np.exp(theta).tolist()
         if self.base is not None:
             return [(gain, None) for gain in values]
-        return list(zip(values[::2], values[1::2], strict=True))
+        per = len(self.parameters)
+        return list(zip(values[::per], values[1::per], strict=True))
 
     def scalars(self, theta: NDArray[np.float64]) -> list[StateSpace]:
         """Scalar controllers for the logarithms `theta` (p,)."""
+        if self.base is None and self.parameters != PI_PARAMETERS:
+            return [
+                from_polynomials(*map(np.asarray, loop.polynomials)) for loop in self.loops(theta)
+            ]
         found = []
         for number, (gain, integral_time) in enumerate(self.settings(theta)):
             if integral_time is None:
@@ -123,8 +137,10 @@ class Structure:
         self, theta: NDArray[np.float64], omega: NDArray[np.float64]
     ) -> list[NDArray[np.complex128]]:
         """Return the same at `omega` (k,): (k, m, m) each."""
-        s = 1j * omega
-        if self.base is None:
+        s = np.complex128(1j) * omega
+        if self.base is None and self.parameters != PI_PARAMETERS:
+            scalars = [np.asarray(loop.response(omega)) for loop in self.loops(theta)]
+        elif self.base is None:
             scalars = [
                 gain * (1 + 1 / (integral_time * s))
                 for gain, integral_time in self.settings(theta)

@@ -126,6 +126,26 @@ def test_sum_and_difference_reach_what_mode_control_reaches(
     assert judged.peaks.robust_performance.value == pytest.approx(1, abs=1e-4)
 
 
+def test_derivative_action_begins_beside_the_best_pi_settings(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Inputs left as they are: the identical PID settings of the ordinary search, or as good.
+
+    18.638 is the tau_P of a local optimum of these: mu there is 1, and PI leaves 1.1.
+    """
+    monkeypatch.setattr(structure_search, "STARTS", 1)
+    as_they_are = Mixing(inputs=((1, 0), (0, 1)))
+    found = tune_task(
+        Specification(
+            SEED, UNCERTAIN, Performance(tau_p=18.638), objective="mu", kind="PID",
+            arrangement="identical", mixing=as_they_are,
+        )
+    )  # fmt: skip
+    assert found.peaks is not None
+    assert found.peaks.robust_performance.value <= 1.001
+    assert found.loops[0].derivative_time is not None
+
+
 @pytest.mark.parametrize(
     ("given", "field"),
     [
@@ -153,7 +173,7 @@ def test_units_of_the_signals_do_not_make_a_matrix_singular() -> None:
     [
         ({"mixing": Mixing(outputs=np.eye(3).tolist())}, "/mixing/outputs"),
         ({"mixing": Mixing(outputs=SUM), "pairing": (1, 0)}, "/pairing"),
-        ({"mixing": Mixing(inputs=SUM), "kind": "PID"}, "/controller/kind"),
+        ({"mixing": Mixing(inputs=SUM), "signs": "any"}, "/controller/signs"),
         ({"mixing": Mixing(inputs=SUM), "arrangement": "best"}, "/controller/arrangement"),
         ({"mixing": Mixing(outputs=((1, 1), (1, -1)), inputs=((1, -1), (-1, -1)))},
          "/mixing/inputs"),
