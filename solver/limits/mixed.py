@@ -210,13 +210,15 @@ def _searched(
         for shares in _SHARES[task.kind]:
             more = rows[:, 1:] + np.log([shares])
             starts.append(np.hstack([rows, more]).ravel())
-    while starts and status is not Status.TIME_LIMIT:
+    while starts:
         richer = replace(first, parameters=task.kind.parameters, starts=starts)
         status, better, _ = _run(task, richer, performance, clock)
         if better is None or (found is not None and better.value >= found.value):
             break
-        starts = _swapped(better.theta, task.kind)
         found, of = better, richer
+        if status is Status.TIME_LIMIT:
+            break
+        starts = _swapped(better.theta, task.kind)
     return status, found, of
 
 
