@@ -75,7 +75,7 @@ function actionsOf(job, changed) {
 /** @param {View} view */
 export async function historyView({ main, signal, keep }) {
   const chosen = /** @type {Set<string>} */ (new Set());
-  const place = h("div", {});
+  const place = h("div", {}, h("p", { class: "busy" }, "Loading …"));
   const compare = button("Compare the chosen", () => {
     location.hash = `#/compare?ids=${[...chosen].join(",")}`;
   });
@@ -108,6 +108,7 @@ export async function historyView({ main, signal, keep }) {
     put(place, rows.length ? table("Newest first", ["Plant", "Status", "Best", "Started", "Compare", "Change"], rows)
       : none);
     more.hidden = !next;
+    buttons.hidden = false;
   });
   const load = async () => {
     const loaded = [];
@@ -118,27 +119,29 @@ export async function historyView({ main, signal, keep }) {
       next = answer.next;
     }
     jobs = loaded;
-    if (!place.contains(document.activeElement)) show();
+    if (!buttons.hidden && !place.contains(document.activeElement)) show();
     return jobs.some((job) => !FINAL.has(job.status));
   };
   // What is sought may be long ago: then pages are fetched until it is there.
   const fill = async () => {
-    show();
+    if (!buttons.hidden) show();
     while (next && found().length < (search.value ? 1 : ENOUGH)) {
       pages += 5;
       await load();
-      show();
     }
+    show();
   };
   search.addEventListener("input", fill);
   const more = button("Earlier ones", () => {
     pages++;
     void changed();
   });
+  // What stands below the list comes with it: else it jumps by the height of the list.
+  const buttons = h("div", { class: "buttons", hidden: true }, compare, more);
   main.replaceChildren(lead("History"), h("section", { class: "card" },
     h("div", { class: "field search" }, h("label", { for: "search" }, "Find"), search,
       h("label", { class: "check" }, batches, "Also those of batches and trade-offs")),
-    place, h("div", { class: "buttons" }, compare, more)));
+    place, buttons));
   const poll = async () => {
     do await pause(EVERY);
     while (!signal.aborted && (await load()));

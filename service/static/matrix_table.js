@@ -7,6 +7,8 @@ import { number, unitTag } from "./format.js";
 const TABLES = /** @type {[string, string, string][]} */ ([
   ["gain", "Gain K", "gain"], ["time", "Time constant τ", "time"], ["delay", "Dead time θ", "time"]]);
 
+const FITS = 7; // characters that a cell shows at least
+
 /** The three numbers of an element, null where it has other dynamics. @param {any} element */
 export function numbersOf(element) {
   const { num, den, dead_time: delay = 0 } = element ?? {};
@@ -18,6 +20,10 @@ export function numbersOf(element) {
 /** @param {{gain: any, time: any, delay: any}} element */
 const elementOf = ({ gain, time, delay }) => ({
   num: [gain], den: time === 0 ? [1] : [time, 1], dead_time: delay ?? 0 });
+
+/** A number as it fits a cell; the cell shows the whole of it while it is edited. @param {string} [text] */
+const short = (text = "") => (text.length > FITS && Number.isFinite(Number(text))
+  ? String(Number(Number(text).toPrecision(5))) : text);
 
 const GAPS = /\t|;|,(?=\s)|\s{2,}|(?<=\d) (?=[\d+-])/; // between the cells of a line
 
@@ -32,7 +38,7 @@ export const block = (text) => text.trim().split(/\r?\n/).map((line) =>
 export function matrixTable(elements, largest, changed, resized) {
   let cells = elements.map((row) => row.map((element) =>
     /** @type {Record<string, string>} */ (Object.fromEntries(Object.entries(numbersOf(element) ?? {})
-      .map(([key, value]) => [key, String(Number(value.toPrecision(12)))])))));
+      .map(([key, value]) => [key, String(Number(value.toPrecision(15)))])))));
   const place = h("div", { class: "tables" });
   const value = (text) => (text?.trim() && Number.isFinite(Number(text.replace(",", ".")))
     ? Number(text.replace(",", ".")) : text || undefined);
@@ -59,11 +65,18 @@ export function matrixTable(elements, largest, changed, resized) {
     return h("div", { class: "scroll", tabindex: "0", role: "group", "aria-labelledby": id },
       h("table", { class: "sheet" }, h("caption", { id }, name, " ", unitTag(unit)),
         h("tbody", {}, cells.map((row, r) => h("tr", {}, row.map((cell, c) => h("td", {}, h("input", {
-          type: "text", inputmode: "decimal", value: cell[key] ?? "", autocomplete: "off",
+          type: "text", inputmode: "decimal", value: short(cell[key]), autocomplete: "off", title: cell[key],
           "aria-label": `${name}, output ${r + 1}, input ${c + 1}`,
           oninput: ({ target }) => {
             cell[key] = target.value;
             changed();
+          },
+          onfocus: ({ target }) => {
+            target.value = cell[key] ?? "";
+          },
+          onblur: ({ target }) => {
+            target.value = short(cell[key]);
+            target.title = cell[key] ?? "";
           },
           onpaste: (event) => paste(event, t, r, c),
         }))))))));

@@ -324,6 +324,21 @@ def test_all_three_tables_come_in_one_paste_and_the_table_grows(watched: Watched
     expect(page.get_by_label("Time constant τ, output 1, input 3", exact=True)).to_have_value("14")
 
 
+def test_a_long_number_fits_its_cell_and_is_kept(watched: Watched) -> None:
+    """A cell shows five digits of a long number, all of them while it is edited, and sends all."""
+    page = watched.page
+    watched.go("#/")
+    page.get_by_label("Matrix").check()
+    paste(page, "Gain K, output 1, input 1", "0.66666666666667\t0.1\n0.2\t0.5")
+    cell = page.get_by_label("Gain K, output 1, input 1", exact=True)
+    page.get_by_label("Gain K, output 2, input 2", exact=True).focus()
+    expect(cell).to_have_value("0.66667")
+    cell.focus()
+    expect(cell).to_have_value("0.66666666666667")
+    draft = "JSON.parse(sessionStorage.getItem('mutune.draft/v1/tunings'))"
+    assert page.evaluate(f"{draft}.plant.elements[0][0].num") == [0.66666666666667]
+
+
 def test_a_request_file_is_dropped_into_the_form(watched: Watched, tmp_path: Path) -> None:
     """A request that was saved fills the form; what is no request says so."""
     page = watched.page

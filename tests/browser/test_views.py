@@ -345,8 +345,9 @@ JUMPS = """window.jumps = [];
 new PerformanceObserver((list) => {
     const moved = list.getEntries().flatMap((entry) => entry.sources);
     for (const { previousRect: before, currentRect: after } of moved) {
-        if (before.height && after.height && before.top < innerHeight) {
-            window.jumps.push(Math.abs(after.top - before.top));
+        if (before.height && before.top < innerHeight) {
+            const top = after.height ? after.top : innerHeight;  // pushed out of view
+            window.jumps.push(Math.abs(top - before.top));
         }
     }
 }).observe({ type: "layout-shift", buffered: true });"""
@@ -359,6 +360,20 @@ def test_nothing_jumps(watched: Watched, tuned: tuple[str, str]) -> None:
     watched.go(f"#/tunings/{tuned[1]}")
     expect(page.locator(".risks[aria-busy]")).to_have_count(0)
     watched.wait_for_figures()
+    assert max(page.evaluate("window.jumps"), default=0) <= 50
+
+
+def test_the_history_does_not_jump_when_it_arrives(
+    watched: Watched, tuned: tuple[str, str]
+) -> None:
+    """A list that comes late pushes nothing down that people have seen."""
+    page = watched.page
+    page.add_init_script(JUMPS)
+    page.route("**/v1/tunings?*", lambda route: (page.wait_for_timeout(300), route.continue_()))
+    watched.go("#/tunings")
+    expect(page.locator(f"[href$='{tuned[0]}']")).to_be_visible()
+    expect(page.get_by_role("button", name="Compare the chosen")).to_be_visible()
+    page.evaluate("() => new Promise((done) => requestAnimationFrame(() => setTimeout(done)))")
     assert max(page.evaluate("window.jumps"), default=0) <= 50
 
 

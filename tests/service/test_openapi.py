@@ -87,7 +87,11 @@ def test_docs_need_nothing_from_elsewhere(client: httpx.Client) -> None:
     page = client.get("/docs")
     assert page.status_code == 200
     assert "//" not in page.text.replace("<!doctype", "")
-    for path in ("/docs/assets/swagger-ui-bundle.js", "/docs/assets/swagger-ui.css"):
+    for path in (
+        "/docs/assets/swagger-ui-bundle.js",
+        "/docs/assets/swagger-ui.css",
+        "/favicon.ico",
+    ):
         assert client.get(path).status_code == 200
 
 

@@ -69,6 +69,12 @@ async def page() -> Response:
     return HTMLResponse(_PAGE, headers={"Cache-Control": "no-cache"})
 
 
+@router.get("/favicon.ico")
+async def icon() -> Response:
+    """Return the icon to browsers that ask by its old name, as they do on pages without a link."""
+    return Response(_FILES["icon.svg"], media_type=_KINDS[".svg"])
+
+
 @router.get(_PLOTLY)
 async def plotly() -> Response:
     """Return Plotly's script."""
