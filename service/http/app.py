@@ -68,6 +68,7 @@ Errors are RFC 9457 problems that name faulty values by JSON pointer.
 _TAGS = [
     {"name": "tunings", "description": "Find loop settings: jobs with progress and result."},
     {"name": "analyses", "description": "Answers within the request."},
+    {"name": "records", "description": "Files of plant data."},
     {"name": "controllers", "description": "What settings can be typed into."},
     {"name": "examples", "description": "Requests to start from."},
     {"name": "operations", "description": "For whoever runs the service."},

@@ -29,7 +29,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.linalg import toeplitz
 
 from solver.model.errors import InvalidInputError, UnsupportedPlantError
 from solver.model.plants import MAX_MATRIX_SIZE, MatrixPlant, PlacedElement, Plant
@@ -257,9 +256,9 @@ def _eigenvalues(plant: NeighbourPlant) -> NDArray[np.float64]:
     assert profile is not None  # noqa: S101 - for the type checker: who calls knows
     if len(profile) == 1:
         return np.asarray(2 * np.cos(math.pi * np.arange(1, n + 1) / (n + 1)))
-    return np.asarray(
-        np.linalg.eigvalsh(toeplitz([0.0, *profile, *[0.0] * (n - 1 - len(profile))]))
-    )
+    factors = np.array([0.0, *profile, *[0.0] * (n - 1 - len(profile))])
+    distances = np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
+    return np.asarray(np.linalg.eigvalsh(factors[distances]))
 
 
 def _factor(element: TransferFunction, first: TransferFunction) -> float | None:

@@ -76,8 +76,9 @@ class Guarantee:
 class MarginsGuarantee:
     """What is known over all frequencies of Ms, Mt and the bandwidths, alone and together.
 
-    PROVEN: no frequency exceeds a peak, and no curve reaches 0.707 before its bandwidth, by more
-    than the relative amount `within`. OPEN: of some there is no proof, for the `reason` given.
+    `status` is PROVEN: no frequency exceeds a peak, and no curve reaches 0.707 before its
+    bandwidth, by more than the relative amount `within`; or OPEN: of some there is no proof, for
+    the `reason` given.
     """
 
     status: GuaranteeStatus

@@ -16,7 +16,7 @@ from solver.model.errors import InvalidInputError
 
 __all__ = ["router"]
 
-router = APIRouter(tags=["analyses"])
+router = APIRouter(tags=["records"])
 
 
 class RecordFile(RequestModel):
