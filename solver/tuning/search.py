@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
+from itertools import combinations, pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -377,6 +377,22 @@ class GroupingSearch:
                 theta[chosen, 0] += theta[chosen, 2] - theta[chosen, 1]
                 theta[chosen, 1:3] = theta[chosen, 2:0:-1]
                 self.descend(self.box.clip(theta.ravel()), count=0)
+
+    def exchange(self) -> None:
+        """Descend from the best optimum with the settings of two groups in each other's place.
+
+        Which groups of like units integrate fast, and which near the plant's own time constant, is
+        settled by their sizes alone: the optima of one choice and of the other are far apart.
+        """
+        if not self.specification.interchangeable or not self.optima:
+            return
+        best = self.optima[0].theta
+        for pair in combinations(range(len(self.groups)), 2):
+            if any(set(pair) <= set(alike) for alike in self._alike):
+                continue
+            theta = best.reshape(len(self.groups), -1).copy()
+            theta[list(pair)] = theta[list(pair[::-1])]
+            self.descend(self.box.clip(theta.ravel()), count=0)
 
     def hop(self) -> None:
         """Descend from beside the best optimum, until none better is found.

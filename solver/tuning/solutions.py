@@ -182,6 +182,7 @@ class Solutions:
         inherited = self._inherited(search)
         self._explore(search, inherited)
         search.swap()
+        search.exchange()
         search.hop()
         if search.refine():
             search.hop()
