@@ -29,6 +29,8 @@ from solver.model.state_space import StateSpace
 from solver.robustness.matrix_models import DEGREE, NO_BOUND, OUTWARD, UNIT, Models, rational
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from solver.model.blocks import LoopBlocks
@@ -36,7 +38,7 @@ if TYPE_CHECKING:
     from solver.model.transfer_function import TransferFunction
     from solver.model.weights import Performance, Uncertainty
 
-__all__ = ["FullLoop", "UnprovenError", "Variable", "lifted_element"]
+__all__ = ["FullLoop", "UnprovenError", "Variable", "lifted_element", "lifted_ratio"]
 
 MOST_STATES = 150  # of a controller: its modes in many digits take some seconds then
 BITS = 256
@@ -407,14 +409,20 @@ def _direct(elements: list[TransferFunction]) -> list[TransferFunction]:
     return [element for element in elements if element.feedthrough]
 
 
+def lifted_ratio(
+    num: Sequence[float], den: Sequence[float], variable: Variable, powers: int
+) -> tuple[Models, NDArray[np.bool_]]:
+    """Return a ratio of polynomials, descending, times (s/(1 + s/f))^powers."""
+    below = np.trim_zeros(np.array(den), "b")
+    integrators = len(den) - below.size
+    return variable.quotient(np.array(num), below, powers - integrators, powers)
+
+
 def lifted_element(
     element: TransferFunction, variable: Variable, powers: int
 ) -> tuple[Models, NDArray[np.bool_]]:
     """Return an element times (s/(1 + s/f))^powers, its dead time included."""
-    integrators = element.integrators
-    den = np.array(element.den)
-    den = den[: len(den) - integrators]
-    value, sound = variable.quotient(np.array(element.num), den, powers - integrators, powers)
+    value, sound = lifted_ratio(element.num, element.den, variable, powers)
     if element.dead_time:
         value = value @ variable.delay(element.dead_time)
     return value, sound

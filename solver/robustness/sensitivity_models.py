@@ -18,7 +18,7 @@ from solver.model.blocks import group_loops
 from solver.model.frequencies import corners
 from solver.model.plants import ParallelPlant
 from solver.model.transfer_function import TransferFunction
-from solver.robustness.full_models import Variable, lifted_element
+from solver.robustness.full_models import Variable, lifted_element, lifted_ratio
 from solver.robustness.matrix_models import DEGREE, Models, sigma_max_bound
 
 if TYPE_CHECKING:
@@ -83,7 +83,6 @@ class SensitivityModels:
             [max(e.integrators for terms in row for _, e in terms) for row in self.blocks.terms(k)]
             for k in range(len(self.blocks.blocks))
         ]
-        self.laws = [TransferFunction(*each.polynomials) for each in self.controllers]
         self.columns = [int(each.integral_time is not None) for each in self.controllers]
         self.parts: Sequence[Sequence[int]] = [(unit,) for unit in range(plant.n)]
         if isinstance(plant, ParallelPlant):
@@ -161,7 +160,9 @@ class SensitivityModels:
             return known[element, powers]
 
         for column, channel in enumerate(block.channels):
-            c = lifted(self.laws[channel], columns[column])
+            polynomials = self.controllers[channel].polynomials
+            c, here = lifted_ratio(*polynomials, variable, columns[column])
+            sound = sound & here
             for row, entries in enumerate(self.blocks.terms(index)):
                 entry = Models.constant(np.zeros((1, 1), dtype=complex), count)
                 for factor, element in entries[column]:

@@ -112,6 +112,21 @@ def test_integrators_in_one_row_are_no_obstacle():
     assert right == speeds
 
 
+@pytest.mark.parametrize("unit", [1e9, 1e-9])
+def test_settings_in_any_unit_of_time_are_proven(unit):
+    """Products of times beyond the range of a plant's coefficients are no obstacle."""
+    plant = first_order(2, 1, 100 * unit, 0.6, 3 * unit)
+    loops = (
+        Controller(20, 50 * unit, 8 * unit, 0.8 * unit),
+        Controller(10, 80 * unit, 2 * unit, 0.3 * unit),
+    )
+    margins, speeds = figures(plant, loops)
+    found, right, guarantee = proven_margins(plant, loops, margins, speeds)
+    assert guarantee.status == "proven"
+    assert found[0].together.sensitivity.value == pytest.approx(3.382678, rel=1e-4)
+    assert right.worst_direction * unit == pytest.approx(0.04587595, rel=1e-4)
+
+
 def test_unlike_loops_beyond_the_proof_are_said_to_be():
     """More than a dozen unlike loops keep their sampled figures, with the reason."""
     plant = first_order(13, 1, 100, 0.02)
