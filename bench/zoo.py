@@ -121,19 +121,32 @@ def agrees(task, settings, tau_p):
     return max(ab13md(each, sizes, kinds)[0] for each in N) <= 1 + AGREEMENT
 
 
+def guarantee(task, entry):
+    """Return whether recorded settings are proven stable, with mu at its level everywhere."""
+    loops = [Controller(**each) for each in entry["loops"]]
+    performance = task.performance.with_tau_p(entry["tau_p"] * (1 + AGREEMENT))
+    axis = proven_peaks(task.plant, task.uncertainty, performance, loops)
+    if axis.peaks.robust_performance.value > 1 + AGREEMENT:
+        return "broken"
+    return axis.guarantee.status.value
+
+
 def table(best):
-    """Print what is recorded: the best known tau_P, and by how many per cent each is behind."""
+    """Print what is recorded, proven anew, and by how many per cent each tuner is behind."""
+    requests = {case: request for case, _, request in zoo_cases.cases()}
     names = sorted({name for entry in best.values() for name in entry["reached"]})
-    print("| case | best known tau_P | " + " | ".join(names) + " |")
-    print("| --- | ---: |" + " ---: |" * len(names))
+    print("| case | best known tau_P | guarantee | " + " | ".join(names) + " |")
+    print("| --- | ---: | --- |" + " ---: |" * len(names))
     for case, entry in best.items():
+        task = TuningRequest.model_validate_json(json.dumps(requests[case])).build()
         behind = [
             f"{100 * (entry['reached'][name] / entry['tau_p'] - 1):.2f}"
             if name in entry["reached"]
             else "-"
             for name in names
         ]
-        print(f"| {case} | {entry['tau_p']:.6g} | " + " | ".join(behind) + " |")
+        proven = guarantee(task, entry)
+        print(f"| {case} | {entry['tau_p']:.6g} | {proven} | " + " | ".join(behind) + " |")
 
 
 def record(entry, name, seed, tau_p, settings, source):
