@@ -204,7 +204,7 @@ class Solutions:
                 for groups, owner in self._tied(freedom)
                 if (theta := self._roughly(groups)[1]) is not None
             ]
-            self._explore(search, [*tied, *self._contained(search)])
+            self._explore(search, [*tied, *self._contained(search, exact=False)])
             search.hop()
         search = self._rough[freedom]
         if search.optima:
@@ -251,15 +251,21 @@ class Solutions:
             best = self.solve(tied).candidate
             if best is not None:
                 found.append(best.theta.reshape(len(tied.groups), -1)[list(owner)].ravel())
-        return [*found, *self._contained(search)]
+        return [*found, *self._contained(search, exact=True)]
 
-    def _contained(self, search: GroupingSearch) -> list[NDArray[np.float64]]:
-        """Return the best settings of each kind contained, on its grid, as those of this search."""
+    def _contained(self, search: GroupingSearch, *, exact: bool) -> list[NDArray[np.float64]]:
+        """Return the best settings of each kind contained as those of this search.
+
+        Exact ones are what this search may end with, where the time that they lack only harms:
+        in its logarithm the way to zero is flat long before the value is that of zero.
+        """
         found = []
         for kind in search.freedom.kind.contained:
             lesser, theta = self._roughly(replace(search.freedom, kind=kind))
-            if theta is not None:
-                found += self._as_kind(theta, lesser, search)
+            if theta is None:
+                continue
+            best = lesser.exact.descend(theta) if exact else None
+            found += self._as_kind(theta if best is None else best.theta, lesser, search)
         return found
 
     def _less_demanding(
