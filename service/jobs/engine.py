@@ -334,7 +334,7 @@ async def _local_cluster(workers: int) -> LocalCluster:
     """Return running processes of one thread each."""
     processes.prepare()
     security = await asyncio.to_thread(encryption.for_this_machine)  # a tenth of a second
-    cluster: LocalCluster = await LocalCluster(
+    cluster = LocalCluster(
         n_workers=workers,
         threads_per_worker=1,
         processes=True,
@@ -345,6 +345,11 @@ async def _local_cluster(workers: int) -> LocalCluster:
         dashboard_address="127.0.0.1:0",
         scheduler_kwargs={"dashboard": False},
     )
+    try:
+        await cluster
+    except BaseException:  # what has started by then ends here
+        await cluster.close()
+        raise
     return cluster
 
 

@@ -14,6 +14,7 @@ import json
 import sys
 import time
 from importlib import import_module
+from typing import Any
 
 from numba.core import event
 
@@ -27,6 +28,33 @@ from solver.warm import warm
 __all__: list[str] = []
 
 _SAY_EVERY = 10.0  # seconds between lines of the log
+
+
+class _ColdError(Exception):
+    """A kernel is not compiled yet."""
+
+
+def _is_kept(dispatcher: Any) -> bool:  # noqa: ANN401 - numba has no types
+    """Return whether the code of a function, once compiled, can be kept for other processes."""
+    for cache in getattr(dispatcher._cache, "_caches", ()):  # noqa: SLF001 - no other way to them
+        try:
+            cache._impl.locator.ensure_cache_path()  # noqa: SLF001 - as numba does before it saves
+        except OSError:
+            continue
+        return True
+    return False
+
+
+class _Expected(event.Listener):  # type: ignore[misc]  # numba has no types
+    """Ends what would compile a kernel that can be kept for another process to load."""
+
+    def on_start(self, event: event.Event) -> None:
+        """Raise _ColdError."""
+        if _is_kept(event.data["dispatcher"]):
+            raise _ColdError
+
+    def on_end(self, event: event.Event) -> None:
+        """Do nothing."""
 
 
 class _Compilations(event.Listener):  # type: ignore[misc]  # numba has no types
@@ -49,13 +77,31 @@ class _Compilations(event.Listener):  # type: ignore[misc]  # numba has no types
             sys.stderr.write(json.dumps({"event": text, "level": "info"}) + "\n")
 
 
+def _load() -> None:
+    """Have all kernels here, compiled.
+
+    The compiler keeps 240 MB, which every process forked from here would have too: it is used in a
+    process that ends, and what it made is loaded.
+    """
+    try:
+        with event.install_listener("numba:compile", _Expected()):
+            warm()
+    except _ColdError:
+        forking.apart(_compile)
+        _compile()  # loads; and compiles what did not succeed there
+
+
+def _compile() -> None:
+    """Have all kernels compiled, and say how far that is."""
+    with event.install_listener("numba:compile", _Compilations()):
+        warm()
+
+
 forking.tell("loading the libraries")
 for _analysis in registry.every():
     for _module in _analysis.computes_with:
         import_module(_module)
-_compilations = _Compilations()
-with event.install_listener("numba:compile", _compilations):
-    warm()
+_load()
 forking.tell("")
 # The collector writes into every object that it looks at, and a page written to is no longer
 # shared: what is here now it need not look at.

@@ -15,16 +15,27 @@ import signal
 import sys
 import threading
 import traceback
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from multiprocessing import forkserver, resource_tracker, util
 from pathlib import Path
 from typing import Any
 
-__all__ = ["begin", "give_back", "let_go", "limit_threads", "listen", "progress", "start", "tell"]
+__all__ = [
+    "apart",
+    "begin",
+    "give_back",
+    "let_go",
+    "limit_threads",
+    "listen",
+    "progress",
+    "start",
+    "tell",
+]
 
 _VARIABLE = "MUTUNE_START_PROGRESS"  # for the server alone: where it tells how far it is
 _SIZE = 200
+_FIRST = 3  # after standard input, output and error
 
 # BLAS on one thread: a server without threads can be forked, results do not depend on the number
 # of cores, and as many workers as cores do not get into each other's way.
@@ -100,11 +111,7 @@ def _fork(path: bytes, args: Sequence[Any], passfds: Sequence[int]) -> int:
     try:
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, signal.SIG_DFL)
-        below = 3
-        for descriptor in sorted(passfds):
-            os.closerange(below, descriptor)
-            below = descriptor + 1
-        os.closerange(below, os.sysconf("SC_OPEN_MAX"))
+        _disconnect(passfds)
         exec(args[-1], {})  # noqa: S102 - what `python -c` would have been given
         status = 0
     except SystemExit:  # all who could ask for processes have gone
@@ -113,6 +120,37 @@ def _fork(path: bytes, args: Sequence[Any], passfds: Sequence[int]) -> int:
         traceback.print_exc()
     finally:
         os._exit(status)
+
+
+def _disconnect(kept: Sequence[int]) -> None:
+    """Let go of all open files and sockets but for the standard ones and those that are `kept`.
+
+    Objects that came along, such as the file of a log, go on writing to the numbers that they know:
+    these lead nowhere now, and none becomes the number of what is opened later.
+    """
+    nowhere = os.open(os.devnull, os.O_RDWR)
+    for entry in list(Path("/proc/self/fd").iterdir()):
+        descriptor = int(entry.name)
+        if descriptor >= _FIRST and descriptor != nowhere and descriptor not in kept:
+            with suppress(OSError):  # that of the listing itself
+                os.fstat(descriptor)
+                os.dup2(nowhere, descriptor, inheritable=False)
+    os.close(nowhere)
+
+
+def apart(work: Callable[[], None]) -> None:
+    """Do something in a process of its own, forked from this one, and wait until that has ended.
+
+    For what leaves only files behind; whoever calls sees by these whether it succeeded.
+    """
+    pid = os.fork()
+    if pid:
+        os.waitpid(pid, 0)
+        return
+    try:
+        work()
+    finally:
+        os._exit(0)
 
 
 def listen() -> None:
