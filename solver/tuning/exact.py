@@ -86,6 +86,11 @@ class ExactDescent:
         for _ in range(ROUNDS):
             objective = self.objective.having(nu=FINE).at(omega, peaks)
             here = objective.evaluate(theta)
+            if math.isfinite(here.merit) and not math.isfinite(here.value):
+                # What is missing between the grid's points is as a rule little.
+                found = self.phases.best(objective, here, TRIFLE)
+                if math.isfinite(found.value) or not objective.goal.skewed:
+                    here = found
             if not math.isfinite(here.value) and objective.goal.skewed:
                 here = self._restored(objective, theta)
             if not math.isfinite(here.merit):

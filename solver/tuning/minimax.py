@@ -140,6 +140,10 @@ def minimise(
             here = there
             bundle = [e for e in bundle if np.abs(e.theta - here.theta).max() < NEAR]
             continue
+        seen = _seen_anew(objective, here, there)
+        if seen.merit > here.merit + tolerance:
+            here = seen
+            continue
         if math.isfinite(there.merit):
             bundle = [*bundle[1 - BUNDLE :], there]
         radius = 0.3 * min(radius, length)
@@ -212,6 +216,18 @@ class _Model:
         if other.peaks.size:  # the last frequencies, which move
             demand[-other.peaks.size :] = self.objective.goal.demand(here.s, other.peaks)[0]
         return other.level - demand
+
+
+def _seen_anew(
+    objective: LoopObjective | Together, here: Evaluation, there: Evaluation
+) -> Evaluation:
+    """Return `here` again where its followed peaks may lie elsewhere than they were sought.
+
+    A long step moves a peak out of sight; then no step from there, however short, does better.
+    """
+    if not here.peaks.size or not math.isfinite(there.merit):
+        return here
+    return objective.evaluate(here.theta, near=there)
 
 
 def _corrected(
