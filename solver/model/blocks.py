@@ -53,6 +53,7 @@ __all__ = [
     "LoopBlocks",
     "WeightedElement",
     "acting",
+    "by_settings",
     "group_loops",
     "marks",
     "reduce",
@@ -178,12 +179,12 @@ class LoopBlocks:
                     G[:, row, column] = self.plant.element(row, column)(s)
             G *= self.ratios
             return (G,)
-        interaction = self.plant.interaction(s) if self.plant.n > 1 else np.zeros(s.shape)
-        difference = np.asarray(self.plant.process(s) - interaction)
-        single = difference[:, None, None]
-        mean = single * np.eye(len(self.parts)) + np.asarray(interaction)[:, None, None] * (
-            self._coupling
-        )
+        process = np.asarray(self.plant.process(s))
+        interaction = np.asarray(self.plant.interaction(s)) if self.plant.n > 1 else 0 * process
+        single = (process - interaction)[:, None, None]
+        mean = interaction[:, None, None] * self._coupling
+        own = np.arange(len(self.parts))
+        mean[:, own, own] += single[:, 0]
         return (mean, *(single for _ in self.blocks[1:]))
 
     @cached_property
@@ -256,7 +257,8 @@ class LoopBlocks:
     def squared(self, uncertainty: Uncertainty, omega: ArrayLike) -> NDArray[np.float64]:
         """Return the square of the weight of each row's magnitude, (k, rows)."""
         if uncertainty.outputs is None and not uncertainty.unlike_inputs:
-            size = np.abs(uncertainty.weights[0].response(omega)) ** 2
+            points = 1j * np.atleast_1d(np.asarray(omega, dtype=float))
+            size = np.abs(uncertainty.weights[0](points)) ** 2
             return np.repeat(size[:, None], self.layout.channels.size, axis=1)
         return np.ascontiguousarray(np.abs(self.responses(uncertainty, omega)) ** 2)
 
@@ -313,11 +315,14 @@ class LoopBlocks:
     def packed_at(self, s: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """Return the same at the complex points `s` (k,)."""
         responses = self(s)
+        if len(responses) == 1:
+            return np.ascontiguousarray(responses[0])
         first = self.layout.first
-        widest = max(block.size for block in self.blocks)
-        G = np.zeros((responses[0].shape[0], first[-1], widest), dtype=complex)
-        for block, response, row in zip(self.blocks, responses, first, strict=False):
-            G[:, row : row + block.size, : block.size] = response
+        widest = max(response.shape[1] for response in responses)
+        G = np.zeros((s.size, first[-1], widest), dtype=complex)
+        for response, row in zip(responses, first, strict=False):
+            m = response.shape[1]
+            G[:, row : row + m, :m] = response
         return G
 
     def renumbered(self, controllers: Sequence[int]) -> LoopBlocks:
@@ -332,11 +337,16 @@ class LoopBlocks:
 
     def expand(self, controllers: Sequence[Controller]) -> tuple[Controller, ...]:
         """One controller a unit from one a group."""
-        loops: list[Controller | None] = [None] * self.plant.n
-        for group, controller in zip(self.groups, controllers, strict=True):
+        return tuple(map(controllers.__getitem__, self._owners))
+
+    @cached_property
+    def _owners(self) -> list[int]:
+        """Group of each unit."""
+        owners = [0] * self.plant.n
+        for index, group in enumerate(self.groups):
             for unit in group:
-                loops[unit] = controller
-        return tuple(loop for loop in loops if loop is not None)
+                owners[unit] = index
+        return owners
 
 
 def reduce(
@@ -365,7 +375,7 @@ def reduce(
 
     """
     partition = tuple(tuple(group) for group in groups)
-    if sorted(unit for group in partition for unit in group) != list(range(plant.n)):
+    if sorted(itertools.chain.from_iterable(partition)) != list(range(plant.n)):
         message = "the groups must hold each unit exactly once"
         raise InvalidInputError(message, "/groups")
     full = uncertainty is not None and uncertainty.structure is Structure.FULL
@@ -400,7 +410,7 @@ def reduce(
             scales,
         )
         return _doubled(found) if err else found
-    split = [_alike(group, marks(uncertainty, scales)) for group in partition]
+    split = [_alike(group, marks(uncertainty, scales)) for group in partition if group]
     owners = tuple(index for index, parts in enumerate(split) for _ in parts)
     parts = tuple(itertools.chain.from_iterable(split))
     size = len(parts)
@@ -466,7 +476,7 @@ def marks(
 ) -> Callable[[int], Hashable]:
     """Return what tells a unit from others of a parallel plant: its errors, as a key."""
     if output_scale is None and (uncertainty is None or not uncertainty.unlike_units):
-        return lambda _: None  # of a thousand units too
+        return _no_mark
 
     def of(unit: int) -> Hashable:
         return (
@@ -480,8 +490,31 @@ def marks(
     return of
 
 
+def _no_mark(_: int) -> Hashable:
+    """Return the same for every unit."""
+    return None
+
+
+def by_settings(
+    loops: Sequence[Controller], mark: Callable[[int], Hashable]
+) -> dict[tuple[Controller, Hashable], list[int]]:
+    """Return the units with equal settings and equal marks, in their order."""
+    groups: dict[tuple[Controller, Hashable], list[int]] = {}
+    count = itertools.count()
+    for loop, run in itertools.groupby(loops):  # of a thousand units too
+        units = [unit for _, unit in zip(run, count, strict=False)]
+        if mark is _no_mark:
+            groups.setdefault((loop, None), []).extend(units)
+            continue
+        for unit in units:
+            groups.setdefault((loop, mark(unit)), []).append(unit)
+    return groups
+
+
 def _alike(group: tuple[int, ...], mark: Callable[[int], Hashable]) -> list[tuple[int, ...]]:
     """Return the units of a group split by their errors, in the order of the units."""
+    if mark is _no_mark:
+        return [group]
     parts: dict[Hashable, list[int]] = {}
     for unit in group:
         parts.setdefault(mark(unit), []).append(unit)
@@ -507,9 +540,6 @@ def group_loops(
     if len(loops) != plant.n:
         message = f"{len(loops)} loops for a plant of {plant.n} units"
         raise InvalidInputError(message, "/loops")
-    mark = marks(uncertainty, output_scale)
-    groups: dict[tuple[Controller, Hashable], list[int]] = {}
-    for unit, loop in enumerate(loops):
-        groups.setdefault((loop, mark(unit)), []).append(unit)
+    groups = by_settings(loops, marks(uncertainty, output_scale))
     blocks = reduce(plant, list(groups.values()), uncertainty, output_scale)
     return blocks, tuple(loop for loop, _ in groups)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from solver.model.blocks import marks
+from solver.model.blocks import by_settings, marks
 
 if TYPE_CHECKING:
-    from collections.abc import Hashable, Sequence
+    from collections.abc import Sequence
 
     from solver.model.controllers import Controller
     from solver.model.plants import Plant
@@ -40,8 +40,5 @@ def interchangeable(
     """
     if not plant.interchangeable:
         return plant.kinds
-    mark = marks(uncertainty, output_scale)
-    groups: dict[tuple[Controller, Hashable], list[int]] = {}
-    for unit, loop in enumerate(loops):
-        groups.setdefault((loop, mark(unit)), []).append(unit)
+    groups = by_settings(loops, marks(uncertainty, output_scale))
     return tuple(tuple(units) for units in groups.values())

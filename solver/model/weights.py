@@ -155,7 +155,7 @@ class Uncertainty:
     @property
     def unlike_inputs(self) -> bool:
         """Whether the inputs have different weights."""
-        return len(set(self.weights)) > 1
+        return isinstance(self.weight, tuple) and len(set(self.weight)) > 1
 
     def weight_of(self, unit: int) -> TransferFunction:
         """Return w_I of an input."""

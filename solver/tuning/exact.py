@@ -85,14 +85,7 @@ class ExactDescent:
         candidate: Candidate | None = None
         for _ in range(ROUNDS):
             objective = self.objective.having(nu=FINE).at(omega, peaks)
-            here = objective.evaluate(theta)
-            if math.isfinite(here.merit) and not math.isfinite(here.value):
-                # What is missing between the grid's points is as a rule little.
-                found = self.phases.best(objective, here, TRIFLE)
-                if math.isfinite(found.value) or not objective.goal.skewed:
-                    here = found
-            if not math.isfinite(here.value) and objective.goal.skewed:
-                here = self._restored(objective, theta)
+            here = self._begun(objective, theta)
             if not math.isfinite(here.merit):
                 break
             if math.isfinite(beaten):
@@ -190,6 +183,18 @@ class ExactDescent:
         As exact as the kernel gives it.
         """
         return _attained(self.objective.parts[part], theta, omega)
+
+    def _begun(self, objective: Together, theta: NDArray[np.float64]) -> Evaluation:
+        """Return where a descent with followed peaks begins: settings that miss no level.
+
+        What is missing between the grid's points is little as a rule; its price leads back.
+        """
+        here = objective.evaluate(theta)
+        if math.isfinite(here.value) or not objective.goal.skewed:
+            return here
+        if math.isfinite(here.merit):
+            here = self.phases.best(objective, here, TRIFLE)
+        return here if math.isfinite(here.value) else self._restored(objective, theta)
 
     def _restored(self, objective: Together, theta: NDArray[np.float64]) -> Evaluation:
         """Return a neighbour for which some tau_P exists at the frequencies of `objective`."""

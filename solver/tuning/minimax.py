@@ -140,13 +140,10 @@ def minimise(
             here = there
             bundle = [e for e in bundle if np.abs(e.theta - here.theta).max() < NEAR]
             continue
-        seen = _seen_anew(objective, here, there)
-        if seen.merit > here.merit + tolerance:
-            here = seen
-            continue
-        if math.isfinite(there.merit):
-            bundle = [*bundle[1 - BUNDLE :], there]
-        radius = 0.3 * min(radius, length)
+        seen, here = here, _seen_anew(objective, here, there, tolerance)
+        if here is seen:
+            radius = 0.3 * min(radius, length)
+            bundle = [*bundle, *[there] * math.isfinite(there.merit)][-BUNDLE:]
         if radius < SMALLEST_RADIUS:
             break
     return here
@@ -219,15 +216,16 @@ class _Model:
 
 
 def _seen_anew(
-    objective: LoopObjective | Together, here: Evaluation, there: Evaluation
+    objective: LoopObjective | Together, here: Evaluation, there: Evaluation, tolerance: float
 ) -> Evaluation:
-    """Return `here` again where its followed peaks may lie elsewhere than they were sought.
+    """Return `here` with its followed peaks sought from a point beside it, if they are higher so.
 
     A long step moves a peak out of sight; then no step from there, however short, does better.
     """
     if not here.peaks.size or not math.isfinite(there.merit):
         return here
-    return objective.evaluate(here.theta, near=there)
+    again = objective.evaluate(here.theta, near=there)
+    return again if again.merit > here.merit + tolerance else here
 
 
 def _corrected(

@@ -121,7 +121,10 @@ class Case:
     def blocks(self) -> LoopBlocks:
         """Return the plant in blocks whose channels are numbered by the groups of the task."""
         used = sorted(set(self.owners))
-        groups = [[i for i, o in enumerate(self.owners) if o == owner] for owner in used]
+        groups: list[list[int]] = [[] for _ in range(max(used) + 1)]
+        for unit, owner in enumerate(self.owners):
+            groups[owner].append(unit)
+        groups = [groups[owner] for owner in used]
         blocks = reduce(self.plant, groups, self.uncertainty, self.performance.output_scale)
         if used == list(range(len(used))):
             return blocks
@@ -133,7 +136,7 @@ class Case:
 
     def loops(self, loops: Sequence[Controller]) -> tuple[Controller, ...]:
         """Return the loops in service of all loops of the task."""
-        return tuple(loops[unit] for unit in self.units)
+        return tuple(map(loops.__getitem__, self.units))
 
 
 def check_scenarios(

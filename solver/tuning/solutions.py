@@ -359,7 +359,9 @@ class Solutions:
         if best is not None and all(best.value < found.value for found in polished):
             # A last descent from there: what the freedom costs in rounding it gives back.
             polished += filter(None, [search.exact.descend(best.theta)])
-        for found in polished:
+        for found in sorted(polished, key=lambda each: each.value):
+            if best is not None and best.value <= found.value:
+                break
             stable = self._stabilised(search, found)
             if stable is not None and (best is None or stable.value < best.value):
                 best = stable
