@@ -102,8 +102,8 @@ class RequestedTuning:
 
     @property
     def uncertainty(self) -> Uncertainty:
-        """The uncertainty of its inputs."""
-        return self.specification.uncertainty
+        """The uncertainty of its inputs, in the order of the loops that move them."""
+        return self.arranged.uncertainty
 
     @property
     def performance(self) -> Performance:

@@ -40,7 +40,7 @@ from service.schemas.worst_case import WorstCase
 from service.wording import number
 from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError
-from solver.model.loop_names import units_text
+from solver.model.loop_names import loops_text
 from solver.model.plants import MAX_UNITS
 from solver.tuning.advice import NEAR_ONE, weights_factor
 
@@ -402,7 +402,7 @@ def _unstable(result: RobustnessResult) -> str:
 def _margins(margins: Sequence[LoopMargins]) -> Grid:
     rows: list[tuple[str, ...]] = []
     for loop in margins:
-        name = f"loop {units_text(loop.units)}"
+        name = loops_text(loop.units)
         for others, each, factor in (
             ("open", loop.alone, loop.alone_factor),
             ("closed", loop.together, loop.together_factor),

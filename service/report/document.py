@@ -168,7 +168,7 @@ def _elements(tuned: RequestedTuning) -> list[list[Markup]]:
 
 def _weights(tuned: RequestedTuning) -> tuple[TransferFunction, ...]:
     """Return the weight of all inputs, or that of each."""
-    weight = tuned.uncertainty.weight
+    weight = tuned.specification.uncertainty.weight
     return weight if isinstance(weight, tuple) else (weight,)
 
 

@@ -93,8 +93,9 @@ class GivenLoops(ArrangedRequest):
             given = self.plant.build()
         plant = self.arranged(given)
         with below("/uncertainty"):
-            uncertainty = self.uncertainty.build(plant.n)
-        scales = default_scales(self, plant.n, uncertainty)
+            uncertainty = self.uncertainty.build(plant.n).paired(self.pairing)
+        # Spans are those of the outputs, which are not what the loops control under a mixing.
+        scales = default_scales(self, plant.n, uncertainty) if self.mixing is None else None
         with below("/performance"):
             performance = self.performance.build(scales)
         if performance.tau_p is None:

@@ -179,6 +179,12 @@ class Uncertainty:
         outputs = None if self.outputs is None else self.outputs.of_units(units)
         return replace(self, weight=weight, outputs=outputs)
 
+    def paired(self, pairing: Sequence[int] | None) -> Uncertainty:
+        """Return the uncertainty as the loops see it: loop i moves input `pairing[i]`."""
+        if pairing is None or not isinstance(self.weight, tuple):
+            return self
+        return replace(self, weight=tuple(self.weight[column] for column in pairing))
+
     def responses(self, omega: ArrayLike, units: Sequence[int]) -> NDArray[np.complex128]:
         """Return w_I of the inputs `units` (m,) at `omega` (k,) rad per time unit, (k, m)."""
         found = {w: w.response(omega) for w in {self.weight_of(unit) for unit in units}}

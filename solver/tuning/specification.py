@@ -336,13 +336,19 @@ class Specification:
             )
             for scenario in self.scenarios
         )
+        scenarios = tuple(
+            scenario
+            if scenario.uncertainty is None
+            else replace(scenario, uncertainty=scenario.uncertainty.paired(pairing))
+            for scenario in scenarios
+        )
         left = None if self.mixing is None else self.mixing.of_inputs
         spread = self.spread
         if spread is not None:  # what the controllers' scan delays is as it is
             spread = replace(spread, known_delay=SCAN_DELAY * self.scan_time)
         return replace(
-            self, plant=plant, pairing=None, scan_time=0.0, scenarios=scenarios, mixing=left,
-            spread=spread,
+            self, plant=plant, uncertainty=self.uncertainty.paired(pairing), pairing=None,
+            scan_time=0.0, scenarios=scenarios, mixing=left, spread=spread,
         )  # fmt: skip
 
     @property

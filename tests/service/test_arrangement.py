@@ -43,8 +43,12 @@ def built(model: Any, request: dict[str, Any]) -> Any:
 @pytest.mark.parametrize("model", [RobustnessRequest, IntegrityRequest])
 def test_pairing_of_given_loops_undoes_swapped_inputs(model: Any) -> None:
     """Analyses of given loops see the plant as it is paired."""
-    usual = built(model, COLUMN)
-    assert built(model, {**SWAPPED, "pairing": [1, 0]}).plant == usual.plant
+    errors = {"epsilon": [0.1, 0.02], "theta": 0.5}
+    usual = built(model, {**COLUMN, "uncertainty": errors})
+    swapped = {**SWAPPED, "uncertainty": {"epsilon": [0.02, 0.1], "theta": 0.5}}
+    found = built(model, {**swapped, "pairing": [1, 0]})
+    assert found.plant == usual.plant
+    assert found.uncertainty == usual.uncertainty
 
 
 def test_pairing_of_step_responses() -> None:
@@ -141,6 +145,15 @@ def test_like_or_unknown_spans_change_nothing(instruments: Any) -> None:
     """Without unlike spans of all outputs they are compared as they come."""
     task = built(TuningRequest, {**TUNING, "instruments": instruments})
     assert task.performance.output_scale is None
+
+
+@pytest.mark.parametrize("model", [RobustnessRequest, TuningRequest])
+def test_spans_are_not_those_of_combinations(model: Any) -> None:
+    """Where loops control combinations of outputs, the spans of the outputs permit no errors."""
+    request = COLUMN if model is RobustnessRequest else TUNING
+    spans = [{"output_span": 100.0}, {"output_span": 1.0}]
+    mixed = {**request, "instruments": spans, "mixing": {"outputs": [[1, 1], [-1, 1]]}}
+    assert built(model, mixed).performance.output_scale is None
 
 
 def test_full_uncertainty_knows_no_spans() -> None:

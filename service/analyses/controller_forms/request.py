@@ -205,13 +205,15 @@ class ControllerFormsRequest(ArrangedRequest):
             raise InvalidInputError(message, "/loops")
         with below("/uncertainty"):
             uncertainty = self.uncertainty.build(plant.n) if self.uncertainty else None
-        scales = None if uncertainty is None else default_scales(self, plant.n, uncertainty)
+        scales = None
+        if uncertainty is not None and self.mixing is None:
+            scales = default_scales(self, plant.n, uncertainty)
         with below("/performance"):
             performance = self.performance.build(scales) if self.performance else None
         if performance is None or performance.tau_p is None:
             message = "an analysis needs a time constant"
             raise InvalidInputError(message, "/performance/tau_p")
-        return plant, uncertainty, performance
+        return plant, uncertainty and uncertainty.paired(self.pairing), performance
 
     def _hand_over(self, target: Target, count: int) -> HandOver:
         with below("/target"):

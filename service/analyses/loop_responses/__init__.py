@@ -23,7 +23,7 @@ from service.schemas.fields import AnalysisRequest, below
 from service.schemas.frequencies import Frequencies, ascending
 from service.schemas.plants import Plant
 from service.wording import number
-from solver.model.loop_names import units_text
+from solver.model.loop_names import loops_text, units_text
 from solver.model.plants import MAX_UNITS
 from solver.robustness.loop_responses_query import LoopResponsesQuery
 
@@ -98,7 +98,8 @@ def table(result: LoopResponsesResult) -> list[Part]:
             ("others closed", loop.function_closed),
         ):
             if function is not None:
-                parts.append(Line(f"Loop {units_text(loop.units)}, {name}: {_written(function)}"))
+                whose = loops_text(loop.units).capitalize()
+                parts.append(Line(f"{whose}, {name}: {_written(function)}"))
     if result.sensitivity is not None:
         highest = number(_peak(result.sensitivity))
         parts.append(Line(f"All closed, the largest singular value of S peaks at {highest}."))

@@ -11,7 +11,7 @@ from service.figures.panels import Panels
 from service.figures.style import frequency_title, line, log_axis, magnitude
 from service.schemas.complex import Complex
 from service.wording import TIME_UNIT
-from solver.model.loop_names import units_text
+from solver.model.loop_names import loops_text
 
 __all__ = ["processes", "sensitivities"]
 
@@ -29,7 +29,7 @@ def processes(result: DrawnLoopResponses, unit: str = TIME_UNIT) -> go.Figure:
     )
     gains: list[float] = []
     for index, loop in enumerate(result.loops):
-        name, style = f"loop {units_text(loop.units)}", line(index)
+        name, style = loops_text(loop.units), line(index)
         for text, curve, shown in (
             (f"{name}, others closed", loop.process_closed, style | {"dash": "solid"}),
             (f"{name}, others open", loop.process_open, style | {"dash": "dot"}),
@@ -56,7 +56,7 @@ def sensitivities(result: DrawnLoopResponses, unit: str = TIME_UNIT) -> go.Figur
     seen: list[float] = []
     for index, loop in enumerate(result.loops):
         if loop.sensitivity is not None:
-            name = f"loop {units_text(loop.units)} alone"
+            name = f"{loops_text(loop.units)} alone"
             panels.curve(result.omega, loop.sensitivity, name, line(index))
             seen += [value for value in loop.sensitivity if value]
     if result.sensitivity is not None:

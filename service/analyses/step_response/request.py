@@ -229,7 +229,8 @@ class StepResponseRequest(ArrangedRequest):
         actuators, demand = None, None
         with below("/perturbation"):
             if isinstance(self.perturbation, WorstCasePerturbation):
-                demand = self.perturbation.build(plant.n)
+                uncertainty, performance = self.perturbation.build(plant.n)
+                demand = uncertainty.paired(self.pairing), performance
             elif self.perturbation is not None:
                 actuators = self.perturbation.build()
         if actuators is not None and len(actuators) != plant.n:

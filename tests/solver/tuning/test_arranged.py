@@ -23,6 +23,7 @@ from solver.robustness.scan import scan_remark
 from solver.stability.closed_loop import is_stable
 from solver.tuning.pairings import pairings
 from solver.tuning.record import Status
+from solver.tuning.scenarios import Scenario
 from solver.tuning.specification import Arrangement, Signs, Specification
 from solver.tuning.tuner import tune
 
@@ -45,6 +46,19 @@ def test_pairing_undoes_swapped_columns() -> None:
     assert found.loops == usual.loops
     assert found.tau_p == usual.tau_p
     assert usual.pairing is None
+
+
+def test_errors_stay_with_their_inputs_whatever_the_pairing() -> None:
+    """A list of errors is of the inputs of the plant: swapped with them it is the same task."""
+    inputs = Uncertainty.from_error([0.1, 0.02], 0.5)
+    usual = tune(replace(TASK, uncertainty=inputs))
+    swapped = Uncertainty.from_error([0.02, 0.1], 0.5)
+    worn = (Scenario("worn", uncertainty=swapped),)
+    task = replace(TASK, plant=SWAPPED, uncertainty=swapped, scenarios=worn)
+    for pairing in ((1, 0), "best"):
+        found = tune(replace(task, pairing=pairing))
+        assert found.pairing == (1, 0)
+        assert found.tau_p == usual.tau_p
 
 
 def test_best_pairing_is_found_and_the_outcome_told() -> None:
