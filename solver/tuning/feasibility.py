@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from solver.tuning.groupings import Groups
     from solver.tuning.specification import Specification
 
-__all__ = ["Impossibility", "impossibility", "other_signs"]
+__all__ = ["ELSE", "Impossibility", "impossibility", "impossibility_at_rest", "other_signs"]
 
 SLOW = 1e-9  # of the slowest root: there a response is at its limit for omega -> 0
 ELSE = "; other signs of the gains ('any') may serve, but some loops cannot run alone then"
@@ -67,7 +67,7 @@ def impossibility(specification: Specification) -> Impossibility | None:
             )  # fmt: skip
     if isinstance(plant, ParallelPlant):
         return _parallel(plant)
-    return _matrix(_gains(plant))
+    return impossibility_at_rest(_gains(plant))
 
 
 def other_signs(specification: Specification, groups: Groups) -> Iterator[tuple[float, ...]]:
@@ -158,7 +158,8 @@ def _without_gain(plant: ParallelPlant) -> Impossibility | None:
     return None
 
 
-def _matrix(G: NDArray[np.float64]) -> Impossibility | None:
+def impossibility_at_rest(G: NDArray[np.float64]) -> Impossibility | None:
+    """Return what static gains (n, n) forbid every setting with integral action, or None."""
     if is_singular(G):
         reason = "the steady-state gain matrix is singular"
         return Impossibility(reason, 0.0, whatever_signs=True)

@@ -24,6 +24,7 @@ from solver.tuning.beside import PriceOfResolution
 from solver.tuning.clock import Clock, OutOfTimeError
 from solver.tuning.data_search import DataSearch
 from solver.tuning.demand_checks import outcomes
+from solver.tuning.feasibility import ELSE, impossibility_at_rest
 from solver.tuning.groupings import identical_groups, named_partition
 from solver.tuning.lattice import Lattice
 from solver.tuning.nearby import moves
@@ -347,7 +348,11 @@ class _Run:
         if self.late:
             return "no feasible settings were found within the time limit", None
         if search.closest is None:
-            return "at the frequencies of the data none were found", None
+            forbidden = impossibility_at_rest(_first_gain(self.task))
+            if forbidden is not None:
+                # Other signs than those of the static gain are not tried on data.
+                return f"by the data {forbidden.reason.removesuffix(ELSE)}", None
+            return "at the frequencies of the data none were found that are stable", None
         slow, case = search.slowest(search.closest[1])
         if not math.isfinite(slow) or slow <= 1:
             return "at the frequencies of the data none were found that meet every demand", None
@@ -400,3 +405,10 @@ def _spread_out(one: _End, search: DataSearch) -> _End:
     for case in one.search.cases[len(search.cases) :]:  # plants of a spread that were met
         search.include(case)
     return _End(search, theta, one.loops, one.value)
+
+
+def _first_gain(task: Specification) -> NDArray[np.float64]:
+    """Return the gain (n, n) at the first frequency, which the plant takes for its static one."""
+    plant = task.plant
+    assert isinstance(plant, MeasuredPlant)  # noqa: S101 - for the type checker: who calls knows
+    return np.asarray(plant.response(plant.omega[:1])[0].real)

@@ -150,7 +150,7 @@ def test_like_or_unknown_spans_change_nothing(instruments: Any) -> None:
 @pytest.mark.parametrize("model", [RobustnessRequest, TuningRequest])
 def test_spans_are_not_those_of_combinations(model: Any) -> None:
     """Where loops control combinations of outputs, the spans of the outputs permit no errors."""
-    request = COLUMN if model is RobustnessRequest else TUNING
+    request = ROBUSTNESS if model is RobustnessRequest else TUNING
     spans = [{"output_span": 100.0}, {"output_span": 1.0}]
     mixed = {**request, "instruments": spans, "mixing": {"outputs": [[1, 1], [-1, 1]]}}
     assert built(model, mixed).performance.output_scale is None

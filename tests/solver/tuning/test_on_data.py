@@ -184,6 +184,14 @@ def test_pairing_and_scan_time_act_on_the_data() -> None:
     assert data.part([0]).n == 1
 
 
+def test_a_pairing_that_no_settings_serve_is_named_on_data() -> None:
+    """Where the static gains forbid integral action in all loops, the reason is that."""
+    found = tuned(sampled_at(SEED), pairing=(1, 0))
+    assert found.status is Status.INFEASIBLE
+    assert "by the data the Niederlinski index is negative" in found.reason
+    assert "'any'" not in found.reason
+
+
 def test_demands_and_bounds_hold_on_data() -> None:
     """A gain that is limited, and an integral time within bounds."""
     demands = Demands(max_controller_gain=20.0)
