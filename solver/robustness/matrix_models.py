@@ -8,6 +8,7 @@ the method is that of `solver.robustness.rounded_models`, which has its sources.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -79,17 +80,12 @@ class Models:
 
     def _product(self, other: Models, multiply: np.ufunc) -> Models:
         inner = self.radius.shape[2] if multiply is np.matmul else 1
-        coefficients = []
-        for k in range(DEGREE):
-            total = multiply(self.P[0], other.P[k])
-            for i in range(1, k + 1):
-                total = total + multiply(self.P[i], other.P[k - i])
-            coefficients.append(total)
+        coefficients = np.asarray(multiply(self.P[0], other.P))
+        for i in range(1, DEGREE):
+            coefficients[i:] += multiply(self.P[i], other.P[: DEGREE - i])
         own, others = np.abs(self.P), np.abs(other.P)
-        above = np.cumsum(others[::-1], axis=0)[::-1]  # magnitudes from each power on
-        tail = multiply(own[1], above[DEGREE - 1])
-        for i in range(2, DEGREE):
-            tail = tail + multiply(own[i], above[DEGREE - i])
+        above = np.cumsum(others[::-1], axis=0)  # magnitudes from each power on, the last one first
+        tail = multiply(own[1:], above[: DEGREE - 1]).sum(axis=0)
         sizes = own.sum(axis=0), others.sum(axis=0)
         radius = (
             tail
@@ -97,7 +93,7 @@ class Models:
             + multiply(sizes[0], other.radius)
             + UNIT * (DEGREE * inner + 4) * multiply(*sizes)
         )
-        return Models(np.stack(coefficients), np.minimum(radius * OUTWARD, NO_BOUND))
+        return Models(coefficients, np.minimum(radius * OUTWARD, NO_BOUND))
 
     def inverse(self) -> tuple[Models, NDArray[np.bool_]]:
         """Return the inverse, and the intervals (c,) where there is one; elsewhere it is void.
@@ -107,24 +103,24 @@ class Models:
         """
         size = self.radius.shape[1]
         eye = np.eye(size)
+        multiply = np.multiply if size == 1 else np.matmul
         sound = np.asarray(np.isfinite(self.P).all(axis=(0, 2, 3)))
         start = np.where(sound[:, None, None], self.P[0], eye)
-        sound &= np.linalg.cond(start) < 1 / UNIT
-        first = np.linalg.inv(np.where(sound[:, None, None], start, eye))
-        Q = [first]
+        sound &= start[:, 0, 0] != 0 if size == 1 else np.linalg.cond(start) < 1 / UNIT
+        start = np.where(sound[:, None, None], start, eye)
+        Q = np.zeros_like(self.P)
+        Q[0] = first = 1 / start if size == 1 else np.linalg.inv(start)
         for k in range(1, DEGREE):
-            total = self.P[1] @ Q[k - 1]
-            for i in range(2, k + 1):
-                total = total + self.P[i] @ Q[k - i]
-            Q.append(-first @ total)
+            Q[k] = multiply(-first, multiply(self.P[1 : k + 1], Q[k - 1 :: -1]).sum(axis=0))
         void = np.zeros_like(self.radius)
-        guess = Models(np.stack(Q), void)
+        guess = Models(Q, void)
         excess = self @ guess
         excess.P[0] -= eye
         R = (excess.size + excess.radius + UNIT) * OUTWARD
         sound &= R.sum(axis=2).max(axis=1) < MOST_EXCESS
         R = np.where(sound[:, None, None], R, 0.0)
-        radius = guess.size @ R @ np.linalg.inv(eye - R) * (OUTWARD * OUTWARD)
+        rest = R / (eye - R) if size == 1 else R @ np.linalg.inv(eye - R)
+        radius = multiply(guess.size, rest) * (OUTWARD * OUTWARD)
         return Models(guess.P, np.where(sound[:, None, None], radius, NO_BOUND)), sound
 
 
@@ -168,30 +164,51 @@ def sigma_max_bound(models: Models) -> NDArray[np.float64]:
     On each of `PARTS` parts the polynomial is a straight line and a rest; along the line a norm is
     convex, so that its ends bound it.
     """
-    P, count = models.P, models.radius.shape[0]
-    centres = (2 * np.arange(PARTS) + 1) / PARTS - 1
-    half = 1 / PARTS
-    bounds = np.zeros(count)
+    P = models.P
+    moved = (_MOVES @ P.reshape(DEGREE, -1)).reshape(PARTS, DEGREE, *P.shape[1:])
     rounding = UNIT * (2 * DEGREE) * 2.0**DEGREE * models.size  # of the polynomials moved
-    for centre in centres:
-        moved = [
-            sum(_choose(i, k) * centre ** (i - k) * half**k * P[i] for i in range(k, DEGREE))
-            for k in range(DEGREE)
-        ]
-        rest = np.abs(np.stack(moved[2:])).sum(axis=0) + models.radius + rounding
-        rest = np.minimum(rest, NO_BOUND)
-        ends = np.stack([moved[0] - moved[1], moved[0] + moved[1]])
-        finite = np.isfinite(ends).all(axis=(0, 2, 3)) & (models.radius.max(axis=(1, 2)) < NO_BOUND)
-        ends = np.where(finite[:, None, None], ends, 0)
-        straight = np.linalg.norm(ends, 2, axis=(2, 3)).max(axis=0)
-        # LAPACK's singular values are exact for a matrix within a few hundred units of rounding.
-        along = straight * OUTWARD + np.linalg.norm(rest, axis=(1, 2)) * OUTWARD
-        bounds = np.maximum(bounds, np.where(finite, along, np.inf))
-    return bounds
+    rest = np.abs(moved[:, 2:]).sum(axis=1) + (models.radius + rounding)
+    rest = np.minimum(rest, NO_BOUND)
+    ends = np.stack([moved[:, 0] - moved[:, 1], moved[:, 0] + moved[:, 1]])
+    finite = np.isfinite(ends).all(axis=(0, 1, 3, 4))
+    finite &= models.radius.max(axis=(1, 2)) < NO_BOUND
+    straight = _greatest_singular(np.where(finite[:, None, None], ends, 0)).max(axis=0)
+    # Both ways exact for a matrix within a few hundred units of rounding.
+    along = (straight + _frobenius(rest)) * OUTWARD
+    return np.asarray(np.where(finite, along.max(axis=0), np.inf))
 
 
-def _choose(i: int, k: int) -> float:
-    value = 1.0
-    for j in range(k):
-        value = value * (i - j) / (j + 1)
-    return value
+def _frobenius(A: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Norm of each of (..., p, q), >= 0: no square is below the smallest number, to be lost."""
+    largest = A.max(axis=(-2, -1))
+    scaled = A / np.where(largest == 0, 1.0, largest)[..., None, None]
+    return np.asarray(largest * np.linalg.norm(scaled, axis=(-2, -1)))
+
+
+def _greatest_singular(A: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Greatest singular value of each of (..., p, q): of one entry and of 2 x 2 without LAPACK."""
+    if A.shape[-2:] == (1, 1):
+        return np.asarray(np.abs(A[..., 0, 0]))
+    if A.shape[-2:] != (2, 2):
+        return np.asarray(np.linalg.norm(A, 2, axis=(-2, -1)))
+    largest = np.abs(A).max(axis=(-2, -1))
+    A = A / np.where(largest == 0, 1.0, largest)[..., None, None]
+    # A^H A = [[a, c], [conj c, b]] has its greater eigenvalue at the sum of positive numbers.
+    squares = (np.abs(A) ** 2).sum(axis=-2)
+    a, b = squares[..., 0], squares[..., 1]
+    c = np.abs((A[..., 0].conj() * A[..., 1]).sum(axis=-1))
+    return np.asarray(largest * np.sqrt((a + b + np.hypot(a - b, 2 * c)) / 2))
+
+
+def _moves() -> NDArray[np.complex128]:
+    """From coefficients in t to those in u, t = centre + u/PARTS, for each part: stacked rows."""
+    centres = (2 * np.arange(PARTS) + 1) / PARTS - 1
+    rows = [
+        [math.comb(i, k) * centre ** (i - k) * PARTS**-k if i >= k else 0.0 for i in range(DEGREE)]
+        for centre in centres
+        for k in range(DEGREE)
+    ]
+    return np.array(rows, dtype=complex)
+
+
+_MOVES = _moves()
