@@ -21,6 +21,7 @@ from service.http import docs_page, errors
 from service.http.access import RateLimiter, authenticate
 from service.http.description import document
 from service.http.guards import Head, KnownHosts, PlainHeads, SteadyBodies
+from service.http.kept import Kept
 from service.http.metrics import RequestMetrics
 from service.http.middleware import Compressed, Observed, SecurityHeaders
 from service.http.notices import notify
@@ -110,6 +111,7 @@ def create_app(configuration: Configuration | None = None) -> FastAPI:
     app.state.configuration = configuration or Configuration()
     app.state.metrics = RequestMetrics()
     app.state.on_their_way = 0  # bytes of long answers
+    app.state.kept = Kept()
     app.state.parsing = asyncio.Semaphore(1)  # of long bodies
     errors.install(app)
     keys = app.state.configuration.api_keys_file

@@ -14,13 +14,15 @@ from service.sheet.naming import loops_name
 from service.sheet.responses import Measured, Moves, Response, moves
 from service.sheet.risks import Said, risks
 from service.tuned import MIXED, RequestedTuning
+from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError
 from solver.model.measured import ADVICE, MeasuredPlant
 from solver.model.neighbours import NeighbourPlant
+from solver.model.plants import Plant
 from solver.robustness.analysis import MANY, analyse
-from solver.robustness.margins import Margins
-from solver.robustness.record import Robustness
+from solver.robustness.margins import LoopMargins, Margins, loop_margins
 from solver.simulation.experiment import StepKind
+from solver.stability.closed_loop import is_stable
 
 __all__ = ["AS_FOUND", "FOUND", "IDENTICAL", "LoopSheet", "loop_sheet"]
 
@@ -43,7 +45,13 @@ def loop_sheet(tuned: RequestedTuning) -> LoopSheet:
         return LoopSheet((), (), {}, {})
     if tuned.mixes_inputs:
         return LoopSheet((), (), {}, {"set_point": MIXED, "load": MIXED})
-    robustness = analyse(tuned.plant, tuned.uncertainty, tuned.performance, tuned.loops)
+    robustness = analyse(
+        tuned.plant,
+        tuned.uncertainty,
+        tuned.performance,
+        tuned.loops,
+        model_tolerance=not tuned.result.model_tolerance,
+    )
     if not robustness.nominally_stable:
         return LoopSheet(
             (), tuple(Said("note", "bad", text) for text in robustness.warnings), {}, {}
@@ -74,34 +82,47 @@ def loop_sheet(tuned: RequestedTuning) -> LoopSheet:
         omitted: dict[str, str] = {}
     except InvalidInputError as error:
         moved, omitted = [], {"set_point": error.message, "load": error.message}
-    analysed = {FOUND: robustness}
+    judged = {FOUND: _Judged(stable=True, margins=robustness.margins)}
     for name, each in others.items():
-        analysed[name] = analyse(tuned.plant, tuned.uncertainty, tuned.performance, each)
+        judged[name] = _Judged.of(tuned.plant, each)
     return LoopSheet(
-        tuple(_rows(tuned, moved, analysed)),
+        tuple(_rows(tuned, moved, judged)),
         risks(tuned, robustness, moved),
         behaviour_figures(tuned, moved) if moved else {},
         omitted,
     )
 
 
+@dataclass(frozen=True)
+class _Judged:
+    """Whether all loops are stable together, and their margins."""
+
+    stable: bool
+    margins: tuple[LoopMargins, ...]
+
+    @classmethod
+    def of(cls, plant: Plant, loops: Sequence[Controller]) -> _Judged:
+        stable = is_stable(plant, loops)
+        return cls(stable, loop_margins(plant, loops, stable=stable))
+
+
 def _rows(
-    tuned: RequestedTuning, moved: Sequence[Moves], analysed: Mapping[str, Robustness]
+    tuned: RequestedTuning, moved: Sequence[Moves], judged: Mapping[str, _Judged]
 ) -> Iterator[Behaviour]:
-    set_points = [each for each in moved if each.kind is StepKind.SETPOINT]
-    loads = [each for each in moved if each.kind is StepKind.LOAD]
-    for name, robustness in analysed.items():
+    set_points = [move for move in moved if move.kind is StepKind.SETPOINT]
+    loads = [move for move in moved if move.kind is StepKind.LOAD]
+    for name, each in judged.items():
         for set_point, load in zip(set_points, loads, strict=True):
             if name != FOUND and name not in set_point.others:
                 continue  # as on the loop before
-            alike = name != FOUND and robustness.margins[0].units == tuple(range(tuned.plant.n))
+            alike = name != FOUND and each.margins[0].units == tuple(range(tuned.plant.n))
             first, second = _of(set_point, name), _of(load, name)
-            margins = _margins(robustness, set_point.units[0], alone=tuned.plant.n == 1)
+            margins = _margins(each.margins, set_point.units[0], alone=tuned.plant.n == 1)
             yield Behaviour.model_validate(
                 {
                     "loop": "all loops" if alike else loops_name(tuned, set_point.units),
                     "settings": name,
-                    "stable": robustness.nominally_stable,
+                    "stable": each.stable,
                     "set_point_step": set_point.size,
                     "settling_time": first and first.settling_time,
                     "overshoot": first and first.overshoot,
@@ -121,9 +142,9 @@ def _of(moves: Moves, name: str) -> Measured | None:
     return None if response is None else response.measured
 
 
-def _margins(robustness: Robustness, unit: int, *, alone: bool) -> Margins | None:
+def _margins(loops: Sequence[LoopMargins], unit: int, *, alone: bool) -> Margins | None:
     """Return the margins of one loop with all others closed."""
-    for each in robustness.margins:
+    for each in loops:
         if unit in each.units:
             return each.alone if alone else each.together
     return None

@@ -256,9 +256,10 @@ class _Task:
                 samples=samples,
                 actuators=None if other is None else other.actuators,
                 limits=limits,
-            )
+            ),
+            of=self.step.unit,
         )
-        own = next(each for each in found.responses if self.step.unit in each.units)
+        (own,) = found.responses
         output, moved = own.output, own.input
         if self.step.kind is StepKind.SETPOINT:
             error, wide, overshoot = self.step.size - output, _SET_POINT_BAND * self.step.size, None

@@ -14,6 +14,7 @@ from typing import Literal
 
 import numpy as np
 
+from service.schemas.model_tolerance import ModelTolerance as Archived
 from service.schemas.sheet import Topic
 from service.sheet.naming import instrument_of, loops_name
 from service.sheet.responses import MOST_STEPS, SHOWN, Moves, steps_of
@@ -23,7 +24,7 @@ from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError
 from solver.model.subsystems import interchangeable, subsystem
 from solver.robustness.axis import proven_peaks
-from solver.robustness.model_tolerance import ModelTolerance
+from solver.robustness.model_tolerance import ModelTolerance as Computed
 from solver.robustness.record import GuaranteeStatus, Peaks, Robustness
 from solver.simulation.experiment import Experiment, Step, StepKind
 from solver.simulation.loops import Loop
@@ -32,6 +33,7 @@ from solver.stability.closed_loop import is_stable
 
 __all__ = ["Level", "Said", "risks"]
 
+ModelTolerance = Computed | Archived  # the result has them where the request asked for them
 Level = Literal["good", "note", "warning", "bad"]
 _ORDER: tuple[Level, ...] = ("bad", "warning", "note", "good")
 _MET = 1 + 1e-6  # a tuning ends at mu = 1, to rounding
@@ -75,7 +77,7 @@ def risks(
         *_demand(tuned, robustness),
         *(Said("note", "warning", _sentence(text, tuned)) for text in tuned.result.warnings),
         *_manual(tuned),
-        *_model(robustness.model_tolerance),
+        *_model(tuned.result.model_tolerance or robustness.model_tolerance),
         *_stability(tuned, robustness),
         *_saturation(tuned, moved),
         *_speed(tuned, robustness),
@@ -192,11 +194,10 @@ def _worst_overshoot(tuned: RequestedTuning, rest: Sequence[int]) -> tuple[str, 
     for kind in interchangeable(part, remaining)[:SHOWN]:
         step = Step(StepKind.SETPOINT, kind[0], 0.0, 1.0)
         try:
-            response = step_response(Experiment(part, closed, (step,), duration))
+            response = step_response(Experiment(part, closed, (step,), duration), of=kind[0])
         except InvalidInputError:
             return None
-        own = next(each for each in response.responses if kind[0] in each.units)
-        measured = own.metrics.set_point
+        measured = response.responses[0].metrics.set_point
         if measured is not None and measured.overshoot is not None:
             found.append((measured.overshoot, rest[kind[0]]))
     if not found:

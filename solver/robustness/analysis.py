@@ -58,6 +58,7 @@ def analyse(
     omega: ArrayLike | None = None,
     *,
     certificate: bool = False,
+    model_tolerance: bool = True,
 ) -> Robustness:
     """Analyse given loops.
 
@@ -75,6 +76,9 @@ def analyse(
         frequencies in any case.
     certificate : bool
         Whether to prove a level just above the robust performance peak for all frequencies.
+    model_tolerance : bool
+        Whether to tell how wrong each parameter of the plant may be, most of the work for large
+        matrices.
 
     Raises
     ------
@@ -87,6 +91,7 @@ def analyse(
     loops = require_loops(plant, loops)
     require_weights(plant, uncertainty, performance)
     certificate = flag(certificate, "/certificate")
+    model_tolerance = flag(model_tolerance, "/model_tolerance")
     wanted = None if omega is None else frequencies(omega, most=MAX_FREQUENCIES)
     if isinstance(plant, MeasuredPlant):
         return analyse_on_data(plant, uncertainty, performance, loops, wanted)
@@ -120,7 +125,7 @@ def analyse(
     )
     proof: Certificate | None = None
     warnings = [*plant_remarks(plant), *_sign_unknown(uncertainty)]
-    warnings += filter(None, [worst.warning, tolerance_remark(plant)])
+    warnings += filter(None, [worst.warning, tolerance_remark(plant) if model_tolerance else None])
     if certificate:
         level = PROVEN_ABOVE * peaks.robust_performance.value
         proof, reasons = prove(plant, uncertainty, performance, loops, level, ends=axis.ends(level))
@@ -142,7 +147,9 @@ def analyse(
         margins_guarantee=margins_guarantee,
         certificate=proof,
         guarantee=axis.guarantee,
-        model_tolerance=model_tolerances(plant, performance, loops, axis.curves.omega),
+        model_tolerance=model_tolerances(plant, performance, loops, axis.curves.omega)
+        if model_tolerance
+        else (),
         warnings=tuple(warnings),
     )
 

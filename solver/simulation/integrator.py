@@ -120,7 +120,7 @@ class _Integrator:
         self.events = sorted(events, key=lambda event: event.time, reverse=True)
         self.switching = switching
         self.propagators: dict[tuple[int, ...], Propagator] = {}
-        system = wiring.build()
+        system = self.free = wiring.build()
         self.shortest = float(system.dead_times.min(initial=math.inf))
         if duration > MAX_STEPS * self.shortest:
             message = (
@@ -182,7 +182,8 @@ class _Integrator:
     def _propagator(self) -> Propagator:
         mode = self.switching.mode()
         if mode not in self.propagators:
-            self.propagators[mode] = Propagator(self.wiring.build(mode))
+            system = self.wiring.build(mode) if mode else self.free
+            self.propagators[mode] = Propagator(system)
         return self.propagators[mode]
 
     def _step(self) -> NDArray[np.float64] | None:

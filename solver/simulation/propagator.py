@@ -180,9 +180,7 @@ class Propagator:
             # An unstable process may overflow in a step far too long: the integrator shortens it.
             with np.errstate(over="ignore", invalid="ignore"):
                 scaled = matrix / unit[:, None] * unit
-                exponential = np.stack(
-                    [scipy.linalg.expm(place * scaled)[:own] for place in places]
-                )
+                exponential = scipy.linalg.expm(places[:, None, None] * scaled)[:, :own]
                 exponential = exponential * unit[:own, None] / unit
             operator.append(_Part(rows, np.array(columns), exponential))
         return operator

@@ -153,13 +153,15 @@ class StepResponse(ByValue):
     responses: tuple[UnitResponse, ...]
 
 
-def step_response(experiment: Experiment) -> StepResponse:
+def step_response(experiment: Experiment, *, of: int | None = None) -> StepResponse:
     """Simulate.
 
     Parameters
     ----------
     experiment : Experiment
         Plant, loops and steps.
+    of : int or None
+        The unit, from 0, whose response alone is sampled and measured; None: all.
 
     Returns
     -------
@@ -229,6 +231,7 @@ def step_response(experiment: Experiment) -> StepResponse:
             ),
         )
         for kind, units in enumerate(paths.units)
+        if of is None or of in units
     )
     return StepResponse(end, time, responses)
 

@@ -17,6 +17,8 @@ from service.analyses.interaction import EXAMPLE as INTERACTION
 from service.analyses.parallel_drives import EXAMPLE as DRIVES
 from service.analyses.relay import EXAMPLE as RELAY
 from service.analyses.step_response import EXAMPLE as STEPS
+from service.http.kept import Kept, key_of
+from service.problems import UnavailableError
 from service.schemas.figures import FiguresResult
 
 
@@ -45,6 +47,39 @@ def test_a_tuning_has_figures_and_both_templates(client: httpx.Client, finished:
     assert "template" not in result.figures["step_easy"].layout
     colours = [t["layout"]["font"]["color"] for t in result.templates.model_dump().values()]
     assert len(set(colours)) == 2
+
+
+@pytest.mark.parametrize("resource", ["figures", "sheet"])
+def test_what_was_drawn_is_not_computed_twice(
+    client: httpx.Client, finished: str, resource: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A second request finds the first one's answer; one in another unit does not."""
+    first = client.get(f"{finished}/{resource}", params={"unit": "min"})
+    assert first.status_code == 200
+
+    async def refuse(*_: object) -> bytes:
+        message = "No process is left."
+        raise UnavailableError(message, {})
+
+    monkeypatch.setattr("service.http.routes.figures.computed", refuse)
+    assert client.get(f"{finished}/{resource}", params={"unit": "min"}).json() == first.json()
+    assert client.get(f"{finished}/{resource}", params={"unit": "s"}).status_code == 503
+
+
+def test_answers_are_kept_within_bounds() -> None:
+    """The one that was not asked for longest goes first, and one that is too long is not kept."""
+    kept = Kept(room=100)
+    for name in (b"a", b"b", b"c"):
+        kept.keep(name, name * 40)
+        kept.get(b"a")
+    kept.keep(b"d", b"d" * 101)
+    assert [kept.get(name) is not None for name in (b"a", b"b", b"c", b"d")] == [
+        True,
+        False,
+        True,
+        False,
+    ]
+    assert key_of("ab", "c") != key_of("a", "bc")
 
 
 @pytest.mark.parametrize("resource", ["figures", "report"])

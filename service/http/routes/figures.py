@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import asyncio
 import json
+from collections.abc import Callable
+from typing import Any
 
 from fastapi import APIRouter, Request, Response
 from fastapi.responses import HTMLResponse
 
 from service import drawing
 from service.analysis import Figures
+from service.http.kept import Kept, key_of
 from service.http.routes.analyses import add_figures
 from service.http.routes.common import FIGURES, Unit, answer, computed, described, problems
 from service.http.routes.jobs import JobId, find
@@ -33,8 +36,7 @@ router = APIRouter()
 async def get_figures(request: Request, job_id: JobId, unit: Unit = TIME_UNIT) -> Response:
     """Return everything that the result of a tuning has to show."""
     job, result = await finished(request, job_id)
-    drawn = await computed(request, drawing.tuning, job.request, result, unit)
-    return answer(request, drawn)
+    return answer(request, await _once(request, drawing.tuning, job.request, result, unit))
 
 
 @router.get(
@@ -49,8 +51,7 @@ async def get_figures(request: Request, job_id: JobId, unit: Unit = TIME_UNIT) -
 async def get_sheet(request: Request, job_id: JobId, unit: Unit = TIME_UNIT) -> Response:
     """Return responses to set point and load with their measures, and what to know of them."""
     job, result = await finished(request, job_id)
-    made = await computed(request, drawing.sheet, job.request, result, unit)
-    return answer(request, made)
+    return answer(request, await _once(request, drawing.sheet, job.request, result, unit))
 
 
 @router.get(
@@ -78,6 +79,19 @@ async def get_report(request: Request, job_id: JobId, unit: Unit = TIME_UNIT) ->
             "Content-Disposition": f'attachment; filename="mutune-{job.id[:8]}.html"',
         },
     )
+
+
+async def _once(
+    request: Request, draw: Callable[[str, str, str], dict[str, Any]], *texts: str
+) -> bytes:
+    """Return what `computed` returns, or what it returned for the same texts before."""
+    kept: Kept = request.app.state.kept
+    key = await asyncio.to_thread(key_of, draw.__name__, *texts)
+    found = kept.get(key)
+    if found is None:
+        found = await computed(request, draw, *texts)
+        kept.keep(key, found)
+    return found
 
 
 async def finished(request: Request, job_id: str) -> tuple[Job, str]:
