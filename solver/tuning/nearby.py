@@ -45,7 +45,7 @@ LOWER = 0.95  # of all gains
 NU = 1e-6  # barrier parameter: mu right to about as much
 FIRST_TO_GIVE = 3  # curves whose gradients are tried as directions
 APART = 0.2  # log omega between them
-BESIDE = np.arange(-5, 6)  # points of the fine grid around a maximum
+BESIDE = np.arange(-5, 6)  # points of the fine grid around a maximum, one of the search's in all
 
 
 def tolerance(

@@ -53,12 +53,11 @@ if TYPE_CHECKING:
 
 __all__ = ["FoundOptimum", "Freedom", "GroupingSearch"]
 
-POINTS_PER_DECADE = 6  # peaks between them are followed in the end, or join where that is too few
+POINTS_PER_DECADE = 11
 FAR = 1e6  # over the end of the grid: there what is not fed through has died away
 PHASES = 64  # of a dead time at infinity
 TURNING = 3.0  # radians by the crossover from which phases are sampled,
-PHASES_BELOW = 120  # at so many frequencies,
-MORE_PER_DECADE = 11  # beside as many
+PHASES_BELOW = 120  # at so many frequencies
 SAME_VALUE = 5e-3  # difference of s below which two optima may be one
 SAME_PLACE = 0.05  # and of the log parameters
 FLAT = 1e-4  # difference of s between optima that are one to the count of optima
@@ -164,10 +163,9 @@ class GroupingSearch:
         """Return the levels of one case on a grid of its own."""
         task, plant, blocks = self.specification, case.plant, case.blocks()
         bends = corners(plant, case.uncertainty)
-        turning = self._turning(plant)
-        per_decade = MORE_PER_DECADE if turning.size else POINTS_PER_DECADE
+        extra = [resonances(plant), self._turning(plant)]
         end = 30 * max(bends[-1], self.region.fastest)
-        omega = grid(1e-2 * bends[0], end, per_decade, [resonances(plant), turning])
+        omega = grid(1e-2 * bends[0], end, POINTS_PER_DECADE, extra)
         omega = np.concatenate([self._below(blocks, omega[0]), omega, _far(plant, omega[-1])])
         alone, most = None, task.demands.max_sensitivity_alone
         # Of the same plant with loops in manual each loop alone is the same.
@@ -292,12 +290,9 @@ class GroupingSearch:
     def problem(self) -> SettingsProblem:
         """What is asked for, as a proof of optimality takes it."""
         objective = self.objective.parts[0]
-        # A bound at all settings needs more frequencies than a descent.
-        omega = objective.omega
-        omega = np.union1d(omega, np.sqrt(omega[:-1] * omega[1:]))
         return SettingsProblem(
             self.blocks, objective.uncertainty, self.specification.performance, objective.signs,
-            self.box.low, self.box.high, omega,
+            self.box.low, self.box.high, objective.omega,
         )  # fmt: skip
 
     @property
