@@ -138,7 +138,7 @@ if TYPE_CHECKING:
         Specification,
     )
     from solver.tuning.spread import Spread, SpreadOutcome, SpreadProof
-    from solver.workbench.interchange import plant, to_control
+    from solver.workbench.interchange import from_control, plant, to_control
     from solver.workbench.response import Response
     from solver.workbench.tuned import InfeasibleError, Tuned, load
     from solver.workbench.tuning import tune
@@ -290,6 +290,7 @@ __all__ = [
     "difficult_direction",
     "easy_direction",
     "first_order",
+    "from_control",
     "from_state_space",
     "identify",
     "integrity",
@@ -400,7 +401,7 @@ _HOMES = {
     "solver.tuning.specification": (
         "Arrangement Bounds ControllerKind Objective Signs Specification"
     ),
-    "solver.workbench.interchange": "plant to_control",
+    "solver.workbench.interchange": "from_control plant to_control",
     "solver.workbench.response": "Response",
     "solver.workbench.tuned": "InfeasibleError Tuned load",
     "solver.workbench.tuning": "tune",

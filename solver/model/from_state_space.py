@@ -88,7 +88,6 @@ def from_state_space(
         [
             _element(
                 system,
-                poles,
                 omega,
                 G[:, r, c],
                 place=(r, c),
@@ -140,7 +139,6 @@ def _poles(system: StateSpace) -> NDArray[np.complex128]:
 
 def _element(
     system: StateSpace,
-    poles: NDArray[np.complex128],
     omega: NDArray[np.float64],
     response: NDArray[np.complex128],
     *,
@@ -152,6 +150,8 @@ def _element(
     if float(np.abs(response).max()) <= negligible:
         return TransferFunction((0.0,), (1.0,))
     row, column = place
+    system = _between(system, row, column)
+    poles = _poles(system)
     if not poles.size:
         return TransferFunction((system.D[row, column],), (1.0,), dead_time)
     zeros = _zeros(system, row, column, poles)
@@ -170,6 +170,22 @@ def _element(
         f"degree {MAX_ORDER} or less to nine digits; reduce its order, or give transfer functions"
     )
     raise InvalidInputError(message, "/A")
+
+
+def _between(system: StateSpace, row: int, column: int) -> StateSpace:
+    """Return the system with those states alone that an input reaches and an output sees.
+
+    Told by what is zero in A, B and C: other states need no cancelling, and fast ones among them
+    do not blur slow ones that are kept.
+    """
+    linked = system.A != 0
+    reached, seen = system.B[:, column] != 0, system.C[row] != 0
+    for _ in range(system.states):
+        reached, seen = reached | (linked @ reached), seen | (linked.T @ seen)
+    kept = reached & seen
+    return StateSpace(
+        system.A[np.ix_(kept, kept)], system.B[kept], system.C[:, kept], system.D
+    )  # fmt: skip
 
 
 def _zeros(
@@ -201,7 +217,8 @@ def _cancelled(
     left_zeros, left_poles = list(zeros), list(poles)
     while left_zeros and left_poles:
         z, p = np.array(left_zeros), np.array(left_poles)
-        distance = np.abs(z[:, None] - p) / np.maximum(np.abs(p), np.finfo(float).tiny)
+        with np.errstate(over="ignore"):  # of a pole at zero: far
+            distance = np.abs(z[:, None] - p) / np.maximum(np.abs(p), np.finfo(float).tiny)
         i, j = np.unravel_index(int(distance.argmin()), distance.shape)
         if distance[i, j] > near:
             break

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     import control
 
-__all__ = ["plant", "to_control"]
+__all__ = ["from_control", "plant", "to_control"]
 
 
 def plant(G: Any, *, dead_time: Any = 0.0) -> Plant:  # noqa: ANN401 - objects of other libraries
@@ -84,6 +84,33 @@ def plant(G: Any, *, dead_time: Any = 0.0) -> Plant:  # noqa: ANN401 - objects o
     if n > 1 and len(own) == len(other) == 1:
         return ParallelPlant(n, own.pop(), other.pop())
     return MatrixPlant(elements)
+
+
+def from_control(sys: Any, *, dead_time: Any = 0.0) -> Plant:  # noqa: ANN401 - no types there
+    """Return the plant that an object of python-control describes.
+
+    Parameters
+    ----------
+    sys : control.TransferFunction, control.StateSpace or control.FrequencyResponseData
+        Square, of continuous time; see `plant`, which takes more besides.
+    dead_time : float or (n, n) array_like
+        As for `plant`.
+
+    Raises
+    ------
+    InvalidInputError
+        Another object, or as `plant`.
+    UnsupportedPlantError
+        As `plant`.
+
+    """
+    if not type(sys).__module__.startswith("control."):
+        message = f"an object of python-control is needed, not {type(sys).__name__}"
+        raise InvalidInputError(message, "")
+    if not (hasattr(sys, "num") or hasattr(sys, "frdata") or _is_state_space(sys)):
+        message = f"a {type(sys).__name__} is no linear model: linearise it first"
+        raise InvalidInputError(message, "")
+    return plant(sys, dead_time=dead_time)
 
 
 def _measured(G: Any, dead_time: Any) -> MeasuredPlant:  # noqa: ANN401 - see `plant`

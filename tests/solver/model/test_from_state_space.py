@@ -78,6 +78,19 @@ def test_multiple_poles_are_kept() -> None:
     assert plant.element(0, 0).den == pytest.approx(np.poly([-0.1] * 4).tolist(), rel=1e-9)
 
 
+def test_units_far_apart_in_time_do_not_blur_each_other() -> None:
+    """A unit of 1e6 time units beside one of 1e-6: each has its own pole, and is no integrator."""
+    A, B, C = np.diag([-1e-6, -1e6]), np.eye(2), np.diag([1e-6, 2e6])
+    plant = from_state_space(A, B, C, np.zeros((2, 2)))
+    assert plant.element(0, 0).poles == pytest.approx([-1e-6])
+    assert plant.element(1, 1).poles == pytest.approx([-1e6])
+    assert plant.static_gain() == pytest.approx(np.diag([1.0, 2.0]))
+    with pytest.raises(UnsupportedPlantError, match="unstable"):
+        from_state_space(-A, B, C, np.zeros((2, 2)))
+    with pytest.raises(UnsupportedPlantError, match="unstable"):
+        from_state_space(np.diag([1e-6, -1e6]), B, C, np.zeros((2, 2)))
+
+
 def test_integrators_are_exact() -> None:
     """An integrating mode has its pole at zero exactly."""
     plant = from_state_space([[0, 0], [0, -1]], [[1], [1]], [[1, 2]], [[0]])

@@ -11,7 +11,7 @@ from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError
 from solver.model.plants import MatrixPlant, ParallelPlant, first_order
 from solver.model.transfer_function import TransferFunction
-from solver.workbench.interchange import plant, to_control
+from solver.workbench.interchange import from_control, plant, to_control
 
 LAG = ([1], [10, 1])
 NONE = ([0], [1])
@@ -146,3 +146,17 @@ def test_a_plant_returns_from_python_control():
     """There and back it is the same."""
     original = first_order(2, 1, 100, 0.949)
     assert plant(to_control(original)) == original
+
+
+def test_from_control_takes_linear_models_of_python_control_alone():
+    """Transfer functions, state space and responses; nothing else, nothing that is not linear."""
+    lag = control.tf([1], [10, 1])
+    assert from_control(lag, dead_time=2) == plant(lag, dead_time=2)
+    assert from_control(control.ss(lag)).element(0, 0).static_gain == pytest.approx(1)
+    assert from_control(control.frd(lag, [0.1, 1.0, 10.0])).n == 1
+    moving = control.nlsys(lambda t, x, u, p: -x + u, inputs=1, outputs=1, states=1)
+    for other in (moving, 3.0, ([1], [10, 1]), scipy.signal.lti([1], [10, 1])):
+        with pytest.raises(InvalidInputError, match="python-control|linear"):
+            from_control(other)
+    with pytest.raises(InvalidInputError, match="discrete"):
+        from_control(control.tf([1], [1, -0.5], 0.1))
