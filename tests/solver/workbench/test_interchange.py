@@ -154,9 +154,9 @@ def test_from_control_takes_linear_models_of_python_control_alone():
     assert from_control(lag, dead_time=2) == plant(lag, dead_time=2)
     assert from_control(control.ss(lag)).element(0, 0).static_gain == pytest.approx(1)
     assert from_control(control.frd(lag, [0.1, 1.0, 10.0])).n == 1
-    moving = control.nlsys(lambda t, x, u, p: -x + u, inputs=1, outputs=1, states=1)
+    moving = control.nlsys(lambda _t, x, u, _p: -x + u, inputs=1, outputs=1, states=1)
     for other in (moving, 3.0, ([1], [10, 1]), scipy.signal.lti([1], [10, 1])):
-        with pytest.raises(InvalidInputError, match="python-control|linear"):
+        with pytest.raises(InvalidInputError, match=r"python-control|linear"):
             from_control(other)
     with pytest.raises(InvalidInputError, match="discrete"):
         from_control(control.tf([1], [1, -0.5], 0.1))
