@@ -70,11 +70,15 @@ class LongWork(Generic[_Request]):
     compute : callable
         As `Analysis.compute`, with `on_progress`: called often with how far it is. What it raises
         ends the computation; True says that no better result is wanted.
+    time_limit : callable or None
+        Seconds at /search/time_limit of a request, after which it ends by itself; None: it has no
+        such field.
 
     """
 
     model: type[JobState]
     compute: Callable[[_Request, OnProgress], dict[str, Any]]
+    time_limit: Callable[[_Request], float] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

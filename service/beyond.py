@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import time
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from service.schemas.encoding import encode
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from service.schemas.tunings import TuningRequest
     from solver.limits.comparison import ControllerComparison, Entry
 
-__all__ = ["NAMES", "alternatives_to_json", "with_limit"]
+__all__ = ["NAMES", "SHORTEST", "alternatives_to_json", "with_limit"]
 
 NAMES = {
     "identical_pi": "identical PI",
@@ -33,6 +33,7 @@ NAMES = {
 SYMBOLS = {"tau_p": "τP", "mu": "μ"}  # of what is made small
 LARGEST_SHOWN = 20  # units up to which a full controller is written down
 
+SHORTEST = 1e-3  # seconds: too few for anything but the lower bound
 MOST_UNITS = 4  # one convex step of a larger matrix plant takes longer than a job may overrun
 
 
@@ -69,15 +70,16 @@ def with_limit(
     from solver.limits.ending import EnoughError  # noqa: PLC0415
 
     left = request.search.time_limit - float(document["search"]["elapsed_seconds"])
-    end = time.monotonic() + max(left, 0.0)
 
     def tick() -> None:
-        if check() or time.monotonic() > end:
+        if check():
             raise EnoughError
 
     warnings: list[str] = document.get("warnings") or []
     try:
-        comparison = compare_controllers(specification, tick=tick)
+        comparison = compare_controllers(
+            replace(specification, time_limit=max(left, SHORTEST)), tick=tick
+        )
         found = alternatives_to_json(comparison)
         warnings = [*warnings, *comparison.warnings]
     except (InvalidInputError, UnsupportedPlantError) as error:
@@ -139,9 +141,11 @@ def _verdict(document: dict[str, Any], objective: str, reason: str | None) -> st
     between = _listed(
         values, ("static_decoupling", "one_way_decoupling", "inverse", "mode_control", "pairs")
     )
+    out_of_time = [each["family"] for each in document["alternatives"] if each["time_limit"]]
+    within = " within the time" if out_of_time or not document["alternatives"] else ""
     parts = [
         f"Single loops reach {SYMBOLS[objective]} = {loops}" if loops
-        else "No single loops were found that meet the demand"
+        else f"No single loops were found{within} that meet the demand"
     ]  # fmt: skip
     if between:
         parts.append(f"structures in between reach {between}")
@@ -151,13 +155,13 @@ def _verdict(document: dict[str, Any], objective: str, reason: str | None) -> st
         return "; ".join([*parts, reason or "no limit was found", *below]) + "."
     built = values.get("multivariable")
     if not built:
-        parts.append(f"the best multivariable controller found reaches {number(document['limit'])}")
-        return "; ".join([*parts, *below]) + "."
-    ratios = {each["family"]: each["ratio"] for each in document["alternatives"]}
-    parts.append(
-        f"a multivariable controller that can be built reaches {number(built)}"
-        + _against(ratios["multivariable"], objective)
-    )
+        parts.append("no multivariable controller was built")
+    else:
+        ratios = {each["family"]: each["ratio"] for each in document["alternatives"]}
+        parts.append(
+            f"a multivariable controller that can be built reaches {number(built)}"
+            + _against(ratios["multivariable"], objective)
+        )
     any_order = f"of any order, {number(document['limit'])} was found"
     return "; ".join([*parts, " and ".join([any_order, *below])]) + "."
 

@@ -13,7 +13,7 @@ from typing import Any, Literal
 from pydantic import ConfigDict, Field, JsonValue
 
 from service.analysis import Analysis, Figures, LongWork, OnProgress
-from service.beyond import NAMES, alternatives_to_json
+from service.beyond import NAMES, SHORTEST, alternatives_to_json
 from service.printing import Grid, Line, Part, peaks_grid, proof_lines, warning_lines
 from service.schemas.alternatives import Alternative, LowerBound
 from service.schemas.controllers import Loop
@@ -27,7 +27,7 @@ from service.wording import number
 
 __all__ = ["ANALYSIS", "LimitRequest", "LimitResult"]
 
-LOOPS_SHARE = 0.2  # of the time, roughly, that the single loops take
+LOOPS_SHARE = 0.12  # of the time limit, at most, for the loops of the request
 EXAMPLE: dict[str, JsonValue] = {
     "plant": {
         "kind": "first_order",
@@ -181,8 +181,10 @@ def compute(request: LimitRequest, on_progress: OnProgress | None = None) -> dic
             raise EnoughError
 
     specification = request.build()
-    tuning = tune(specification, tuned)
-    task = specification.arranged(tuning.pairing)
+    seconds = request.search.time_limit
+    tuning = tune(replace(specification, time_limit=LOOPS_SHARE * seconds), tuned)
+    left = max(seconds - tuning.search.elapsed_seconds, SHORTEST)
+    task = replace(specification.arranged(tuning.pairing), time_limit=left)
     comparison = compare_controllers(task, tick=tick)
     limit = comparison.limit
     others = alternatives_to_json(comparison)
@@ -221,6 +223,11 @@ def compute(request: LimitRequest, on_progress: OnProgress | None = None) -> dic
         "warnings": list(comparison.warnings),
     }
     return document
+
+
+def time_limit(request: LimitRequest) -> float:
+    """Return the seconds after which the comparison ends with what it has."""
+    return request.search.time_limit
 
 
 def table(result: LimitResult) -> list[Part]:
@@ -273,7 +280,7 @@ ANALYSIS = Analysis(
     request=LimitRequest,
     result=LimitResult,
     compute=compute,
-    job=LongWork(model=LimitJob, compute=compute),
+    job=LongWork(model=LimitJob, compute=compute, time_limit=time_limit),
     computes_with=("solver.limits.comparison", "solver.tuning.tuner"),
     table=table,
     figures=Figures(of="a limit", drawn=DrawnLimit, draw=draw),

@@ -6,6 +6,8 @@ Every entry is made for the same demand under the same uncertainty of the physic
 from __future__ import annotations
 
 import contextlib
+import math
+import time
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING
@@ -13,9 +15,11 @@ from typing import TYPE_CHECKING
 from solver.limits.ending import EnoughError
 from solver.limits.manual import controller_in_manual, loops_in_manual
 from solver.limits.multivariable import multivariable_limit, require_covered
+from solver.limits.record import LimitStatus
 from solver.limits.structure_search import structured_controllers
 from solver.limits.youla import youla_blocks
 from solver.robustness.centralised_curves import central_blocks
+from solver.tuning.compiling import Compiling
 from solver.tuning.demands import NO_DEMANDS
 from solver.tuning.record import Status
 from solver.tuning.specification import Arrangement, Bounds, ControllerKind, Objective
@@ -34,6 +38,8 @@ if TYPE_CHECKING:
 
 __all__ = ["ControllerComparison", "Entry", "Family", "compare_controllers"]
 
+LOOPS_SHARE = 0.12  # of the time limit, at most, for each kind of single loops
+BETWEEN_SHARE = 0.7  # of it, at the end of which what lies between is there; the limit has the rest
 FEW = 4  # units that all have settings of their own; of more the best grouping is sought
 
 
@@ -134,8 +140,9 @@ def compare_controllers(
     Parameters
     ----------
     specification : Specification
-        The task; its kind and arrangement are varied, its bounds hold for single loops, and its
-        time limit is divided among them.
+        The task; its kind and arrangement are varied, and its bounds hold for single loops. Its
+        time limit is that of the whole comparison, divided among its parts: what one of them does
+        not need the limit has.
     tick : callable
         Called often. `EnoughError` ends the comparison with what it has by then: single loops come
         first, then what lies between, then the limit. What else it raises passes through.
@@ -150,20 +157,27 @@ def compare_controllers(
     performance = specification.performance
     require_covered(plant, uncertainty, performance)
     youla_blocks(central_blocks(plant, uncertainty), fast=1.0)  # refuses a singular plant at once
+    until = _Deadlines(specification.time_limit, tick)
     entries: list[Entry] = []
     with contextlib.suppress(EnoughError):
         for family in _families(plant.n):
-            entries.append(_loops(specification, family, tick))  # noqa: PERF401 - kept when it ends
+            found = _loops(specification, family, until(1.0))
+            if entries and specification.bounds == Bounds():
+                found = _with_contained(found, entries[-1])
+            entries.append(found)
     first = entries[0].loops if entries else ()
     structured = {
         each.kind.value: each
         for each in structured_controllers(
-            plant, uncertainty, performance, identical=first[0] if first else None, tick=tick
+            plant,
+            uncertainty,
+            performance,
+            identical=first[0] if first else None,
+            tick=until(BETWEEN_SHARE),
         )
     }
     entries += [_between(specification, structured[f], f) for f in STRUCTURES if f in structured]
-    limit = multivariable_limit(plant, uncertainty, performance, tick=tick)
-    warnings = list(limit.warnings)
+    limit = multivariable_limit(plant, uncertainty, performance, tick=until(1.0))
     if limit.realised is not None:
         built = limit.realised
         peaks = built.robustness.peaks
@@ -175,11 +189,60 @@ def compare_controllers(
         entries.append(
             Entry(Family.MULTIVARIABLE, value, guarantee=built.robustness.guarantee, manual=manual)
         )
+    limit = _no_worse(limit, entries)
+    warnings = list(limit.warnings)
     if specification.demands.names or specification.scenarios or specification.spread:
         warnings.append(
             "further demands, scenarios and spread are asked of no controller in this comparison"
         )
     return ControllerComparison(tuple(entries), limit, tuple(warnings))
+
+
+class _Deadlines:
+    """Ticks that end the work at a share of the time limit; compiling does not count."""
+
+    def __init__(self, limit: float | None, tick: Callable[[], None]) -> None:
+        self.start = time.monotonic()
+        self.compiling = Compiling()
+        self.limit = math.inf if limit is None else limit
+        self.tick = tick
+
+    def __call__(self, share: float) -> Callable[[], None]:
+        """Return a tick that raises `EnoughError` from that share on."""
+
+        def tick() -> None:
+            self.tick()
+            elapsed = time.monotonic() - self.start - self.compiling.seconds
+            if elapsed > share * self.limit:
+                raise EnoughError
+
+        return tick
+
+
+def _no_worse(limit: Limit, entries: list[Entry]) -> Limit:
+    """Return the limit with the value of an entry that is below it: that is linear too.
+
+    The search for the limit is a local one.
+    """
+    if limit.status is LimitStatus.UNLIMITED or (
+        limit.value is None and limit.status is LimitStatus.TIME_LIMIT
+    ):
+        return limit  # nothing is claimed
+    values = {each.family: each.value for each in entries if each.value is not None}
+    best = min(values, key=lambda family: values[family], default=None)
+    if best is None or (limit.value is not None and limit.value <= values[best]):
+        return limit
+    status = LimitStatus.FOUND if limit.status is LimitStatus.INFEASIBLE else limit.status
+    warning = f"no controller was found that is better than {best.value}: the limit is its value"
+    warnings = (*limit.warnings, warning)
+    return replace(limit, status=status, value=values[best], reason=None, warnings=warnings)
+
+
+def _with_contained(found: Entry, before: Entry) -> Entry:
+    """Return the entry, or the one before it under its name: its loops are of this kind too."""
+    if before.value is None or (found.value is not None and found.value <= before.value):
+        return found
+    return replace(before, family=found.family, exhausted=found.exhausted)
 
 
 def _families(n: int) -> list[Family]:
@@ -212,7 +275,7 @@ def _loops(specification: Specification, family: Family, tick: Callable[[], None
         start=None,
         certificate=False,
         optimality_gap=False,
-        time_limit=None if limit is None else limit / len(SINGLE_LOOPS),
+        time_limit=None if limit is None else LOOPS_SHARE * limit,
     )
 
     def on_progress(_: object) -> None:

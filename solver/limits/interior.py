@@ -22,6 +22,8 @@ import numpy as np
 from scipy import linalg
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
 __all__ = ["Inequalities", "Inequality", "largest_slack"]
@@ -129,7 +131,9 @@ class _Local(NamedTuple):
 
 
 def largest_slack(
-    problem: Inequalities, X: list[NDArray[np.float64]]
+    problem: Inequalities,
+    X: list[NDArray[np.float64]],
+    tick: Callable[[], None] = lambda: None,
 ) -> tuple[list[NDArray[np.float64]], float]:
     """Return coefficients X and a slack near the largest one, from the coefficients `X`.
 
@@ -139,6 +143,8 @@ def largest_slack(
         What must hold.
     X : list of (j, m, m)
         Of each block; where to begin. Anything will do.
+    tick : callable
+        Called before each step of Newton's method; what it raises passes through.
 
     """
     functions = problem.functions.shape[1]
@@ -151,7 +157,7 @@ def largest_slack(
     weight = terms / (FIRST_GAP + INSIDE - point.slack)
     while True:
         try:
-            point = _centred(problem, point, weight)
+            point = _centred(problem, point, weight, tick)
         except np.linalg.LinAlgError:  # at the end of working accuracy: what is there holds
             break
         if terms / weight < max(SMALLEST_GAP, SHARE * point.slack):
@@ -160,11 +166,14 @@ def largest_slack(
     return _by_block(problem, point.X), point.slack
 
 
-def _centred(problem: Inequalities, point: _Point, weight: float) -> _Point:
+def _centred(
+    problem: Inequalities, point: _Point, weight: float, tick: Callable[[], None]
+) -> _Point:
     """Return the point of the central path at `weight`, near enough."""
     here = _matrices(problem, point)
     value, roots = _barrier(problem, point, here, weight)
     for _ in range(MAX_NEWTON):
+        tick()
         change, decrement = _newton(problem, point, here, roots, weight)
         length = 1.0
         while True:

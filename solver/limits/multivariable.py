@@ -55,8 +55,8 @@ def multivariable_limit(
     uncertainty, performance : Uncertainty, Performance
         The weights; without a `tau_p` the least one is sought, with one the least mu.
     tick : callable
-        Called after each convex step. `EnoughError` ends the search with the best so far; what else
-        it raises passes through.
+        Called before and within each convex step. `EnoughError` ends the search with the best so
+        far; what else it raises passes through.
 
     Raises
     ------
@@ -86,10 +86,17 @@ def multivariable_limit(
     if found is None:
         reason = "no controller was found that keeps mu at 1 or below, however slow"
         return Limit(LimitStatus.INFEASIBLE, objective, None, bound, reason=reason)
+    settled = not search.ended
     realised = _realised(search, found)
     warnings = []
-    if search.ended:
+    if not settled:
         warnings.append("the search for the limit was ended early: it may be lower")
+    elif search.ended:
+        warnings.append(
+            "the search was ended before a controller was built"
+            if realised is None
+            else "the search for the controller built was ended early: another may reach more"
+        )
     elif realised is None:
         warnings.append("no controller of limited order was found near the limit")
     if realised is not None and realised.unstable_poles:
@@ -172,7 +179,7 @@ def _reduced(
 
     few, many = -1, len(thresholds) - 1
     best = kept(many)
-    while best is not None and many - few > 1:
+    while best is not None and many - few > 1 and not search.enough():
         middle = (few + many) // 2
         trial = kept(middle)
         if trial is None:

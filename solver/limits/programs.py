@@ -22,6 +22,8 @@ import numpy as np
 from solver.limits.interior import Inequalities, Inequality, largest_slack
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
 __all__ = ["AffineBlock", "convex_step"]
@@ -76,6 +78,7 @@ def convex_step(
     level: float,
     weights: tuple[NDArray[np.float64], NDArray[np.float64]],
     rise: NDArray[np.float64] | None = None,
+    tick: Callable[[], None] = lambda: None,
 ) -> list[NDArray[np.float64]]:
     """Return the coefficients (j, m, m) of each block after one step.
 
@@ -93,6 +96,8 @@ def convex_step(
         |w_I| and |w_P|.
     rise : (k,) or None
         Where tau_P is to fall: d log |w_P|^2 / d log tau_P^-2. None: mu is to fall.
+    tick : callable
+        As of `largest_slack`.
 
     """
     inequalities = [_inequality(block, v, level, *weights) for block in blocks]
@@ -101,7 +106,7 @@ def convex_step(
         problem = Inequalities(inequalities, functions, LARGEST_RISE, 1.0, np.zeros(len(v)))
     else:
         problem = Inequalities(inequalities, functions, LARGEST_RISE, SHARED, rise)
-    return largest_slack(problem, X)[0]
+    return largest_slack(problem, X, tick)[0]
 
 
 def _inequality(

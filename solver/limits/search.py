@@ -42,7 +42,8 @@ BUILT_HIGH = 10.0  # fastest pole of its basis over the bandwidth
 BUILT_END = 3.0  # where its functions begin to fall, over its fastest pole
 BUILT_DENSITY = 3.0  # of its poles, as `POLES_PER_DECADE`
 MAX_STEPS = 60
-MAX_EXCHANGES = 6
+MAX_EXCHANGES = 6  # after which peaks between the points are let pass that a larger tau_P lowers
+LAST_EXCHANGE = 18  # of those that no tau_P lowers: with the densest of grids few are left
 SLOWER = 4.0  # by which tau_P grows while no controller is found that meets it
 SLOWEST_TRIED = 1e6  # times the inverse bandwidth: w_P has then ended before any loop begins
 POINTS_PER_DECADE = 12.0
@@ -146,8 +147,8 @@ class LimitSearch:
     uncertainty, performance : Uncertainty, Performance
         The weights; with a `tau_p` the objective is mu, without one it is tau_P.
     tick : callable
-        Called after each convex step. `EnoughError` ends the search with what it has; `ended` then
-        says so.
+        Called before and within each convex step. `EnoughError` ends the search with what it has;
+        `ended` then says so.
 
     """
 
@@ -161,6 +162,7 @@ class LimitSearch:
         self.plant, self.uncertainty, self.performance = plant, uncertainty, performance
         self.tick = tick
         self.ended = False
+        self._met: list[tuple[list[NDArray[np.float64]], float]] = []  # in this basis
         self.target = TARGET
         self.blocks = central_blocks(plant, uncertainty)
         bends = corners(plant, uncertainty)
@@ -205,7 +207,7 @@ class LimitSearch:
                 break
         return best
 
-    def _enough(self) -> bool:
+    def enough(self) -> bool:
         """Whether the search is to end with what it has."""
         try:
             self.tick()
@@ -220,7 +222,7 @@ class LimitSearch:
         most = (1 + abs(complex(self.uncertainty.weight_of(0)(0.0)))) / 2
         margins = dict.fromkeys(max(margin, most) for margin in MARGINS)
         for margin in margins if self.sought else (1.0,):
-            if self._enough():
+            if self.enough():
                 return
             self.target = margin
             found = self._with_basis(basis, best)
@@ -250,13 +252,14 @@ class LimitSearch:
         else:
             start, tau_p = state.fitted(before), before.tau_p
         mu, v, tau_p = self._slower(state, start, tau_p)
-        for exchange in range(MAX_EXCHANGES):
+        self._met = []
+        for exchange in range(LAST_EXCHANGE):
             result = self._descend(state, start, v, mu, tau_p)
-            if result is None:
-                return self._found(state, start, v, tau_p) if self.ended and exchange else None
-            X, v, mu, tau_p = result
             if self.ended:
-                return self._found(state, X, v, tau_p)
+                return self._last(state, v)
+            if result is None:
+                return None
+            X, v, mu, tau_p = result
             start = X
             checked = self._checked(state, X, v, tau_p)
             if checked is None or isinstance(checked, Found):
@@ -264,7 +267,22 @@ class LimitSearch:
             omega = np.union1d(state.omega, checked)
             state = _State(self, basis, omega)
             mu, v, tau_p = self._slower(state, X, tau_p)
-        return self._found(state, X, v, tau_p)
+            if exchange + 1 >= MAX_EXCHANGES:
+                found = self._found(state, X, v, tau_p)
+                if found is not None:
+                    return found
+        return None
+
+    def _last(self, state: _State, v: NDArray[np.float64]) -> Found | None:
+        """Return the last controller met that keeps its mu between the points of the grid too."""
+        back = 1
+        while back <= len(self._met):
+            X, tau_p = self._met[-back]
+            found = self._found(state, X, v, tau_p)
+            if found is not None:
+                return found
+            back *= 2
+        return None
 
     def _slower(
         self, state: _State, X: list[NDArray[np.float64]], tau_p: float
@@ -285,18 +303,25 @@ class LimitSearch:
     ) -> tuple[list[NDArray[np.float64]], NDArray[np.float64], float, float] | None:
         """Take steps until they gain no more."""
         for taken in range(MAX_STEPS):
-            if self._enough():
+            if self.enough():
                 if not taken:
                     return None
                 break
             faster = self.sought and mu <= self.target * (1 + BETWEEN)
-            trial = state.step(X, v, mu, tau_p, faster=faster)
+            try:
+                trial = state.step(X, v, mu, tau_p, faster=faster)
+            except EnoughError:
+                self.ended = True
+                if not taken:
+                    return None
+                break
             trial_mu, _ = state.measure(trial, tau_p)
             gain = 0.0
             if trial_mu < mu:
                 gain, before, X = 1 - trial_mu / mu, tau_p, trial
                 mu, v, tau_p = self._slower(state, X, tau_p)
                 gain = max(gain, 1 - tau_p / before)
+                self._met.append((X, tau_p))
             if gain < SETTLED:
                 if not (
                     self.sought
@@ -331,6 +356,9 @@ class LimitSearch:
         dense = checking_grid(state.omega)
         checking = _State(self, state.basis, dense)
         if self.sought:
+            slowest = SLOWEST_TRIED / self.bandwidth
+            if checking.curve(X, max(tau_p, slowest))[0].max() > 1:
+                return None
             tau_p = checking.least_tau_p(X, tau_p, min(1.0, self.target * (1 + 2 * BETWEEN)))
             if math.isinf(tau_p):
                 return None
@@ -406,11 +434,13 @@ class _State:
         """
         weights = self.w_I, self.w_P(tau_p)
         if not faster:
-            return convex_step(self.affine, X, v, level=mu, weights=weights)
+            return convex_step(self.affine, X, v, level=mu, weights=weights, tick=self.search.tick)
         shorter = self.w_P(tau_p * (1 - DIFFERENCE))
         rise = np.log(shorter / weights[1]) / -math.log1p(-DIFFERENCE)
         rise = np.clip(rise, 0.0, 1.0)
-        return convex_step(self.affine, X, v, level=mu, weights=weights, rise=rise)
+        return convex_step(
+            self.affine, X, v, level=mu, weights=weights, rise=rise, tick=self.search.tick
+        )
 
     def least_tau_p(self, X: list[NDArray[np.float64]], start: float, level: float) -> float:
         """Least tau_P at which the coefficients keep mu at `level` or below on the grid."""

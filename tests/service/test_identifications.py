@@ -101,6 +101,9 @@ def test_equal_request_of_another_kind_is_another_job(client: httpx.Client) -> N
     assert limit.status_code == 202
     assert client.post("/v1/limits", json=body, headers=headers).json()["id"] == limit.json()["id"]
     assert client.post("/v1/tunings", json=body, headers=headers).status_code == 409
+    longer = client.post("/v1/limits", json={**body, "search": {"time_limit": 86_400}})
+    assert longer.status_code == 422  # a job that would be ended by force, without a result
+    assert longer.json()["errors"][0]["pointer"] == "/search/time_limit"
     path = limit.json()["links"]["self"]
     assert client.delete(path).status_code in {200, 202}
     with httpx.Client(base_url=client.base_url, timeout=60) as patient:

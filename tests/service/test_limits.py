@@ -26,7 +26,7 @@ REQUEST: dict[str, Any] = {
     "plant": {"kind": "first_order", "n": 2, "gain": 1, "time_constant": 10, "interaction": 0.5},
     "uncertainty": {"epsilon": 0.2, "theta": 1},
     "controller": {"kind": "PI", "arrangement": "identical"},
-    "search": {"time_limit": 60},
+    "search": {"time_limit": 900},
 }
 
 
@@ -123,6 +123,17 @@ def test_a_structure_in_the_result_is_a_request_of_robustness(
     result = ROBUSTNESS.compute(RobustnessRequest.model_validate_json(json.dumps(request)))
     peak = result["peaks"]["robust_performance"]["value"]
     assert 0.999 < peak <= 1 + 1e-6
+
+
+def test_a_comparison_keeps_its_time_limit_as_a_whole() -> None:
+    """Not even the loops of the request have more: the lower bound is there, and a sentence."""
+    answer = LimitResult.model_validate(
+        ANALYSIS.compute(LimitRequest.model_validate({**REQUEST, "search": {"time_limit": 1e-3}}))
+    )
+    assert answer.status == "time_limit"
+    assert answer.value is None
+    assert answer.lower_bound.value is not None
+    assert "ended before" in answer.verdict
 
 
 def _beside(**search: Any) -> dict[str, Any]:

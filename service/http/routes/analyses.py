@@ -73,6 +73,8 @@ def _add_job(analysis: Analysis[Any, Any], work: LongWork[Any]) -> None:
         body = await bodies.read(request, analysis.request)
         longest = request.app.state.configuration.max_time_limit
         _refuse_beyond(request, analysis, await asyncio.to_thread(body.build), longest)
+        if work.time_limit is not None:
+            jobs.refuse_longer(work.time_limit(body), longest)
         new = jobs.new_job(body, longest, reuse=jobs.may_reuse(request), resource=resource)
         return await jobs.accept(
             request, new, idempotency_key=idempotency_key, prefer=prefer, callback_url=callback_url

@@ -25,6 +25,7 @@ from service.schemas import canonical, computation
 from service.schemas.fields import RecordedRequest
 from service.schemas.jobs import job_to_json, progress_to_json
 from service.schemas.parsing import Fault
+from solver.model.errors import InvalidInputError
 
 __all__ = [
     "FOLLOWED",
@@ -44,6 +45,7 @@ __all__ = [
     "looked_at",
     "may_reuse",
     "new_job",
+    "refuse_longer",
     "started",
     "stopped",
     "store_of",
@@ -174,6 +176,13 @@ def _after(job: Job, ended: Ended) -> Job:
         finished_at=ended.finished_at,
         result=ended.outcome.result,
     )
+
+
+def refuse_longer(seconds: float, longest: float) -> None:
+    """Raise InvalidInputError for a time limit above the `longest` of this service."""
+    if seconds > longest:
+        message = f"this service computes for at most {longest:g} s"
+        raise InvalidInputError(message, "/search/time_limit")
 
 
 def new_job(

@@ -16,7 +16,6 @@ from service.http.routes.common import described, json_response, problems
 from service.jobs.records import TUNINGS, JobStatus, NewJob
 from service.schemas import TuningRequest
 from service.schemas.jobs import Job, JobList, summary_to_dict
-from solver.model.errors import InvalidInputError
 
 __all__ = ["new_job", "router"]
 
@@ -59,9 +58,7 @@ def new_job(body: TuningRequest, longest: float, *, reuse: bool = True) -> NewJo
 
     """
     body.build()
-    if body.search.time_limit > longest:
-        message = f"this service computes for at most {longest:g} s"
-        raise InvalidInputError(message, "/search/time_limit")
+    jobs.refuse_longer(body.search.time_limit, longest)
     return jobs.new_job(body, body.search.time_limit, reuse=reuse)
 
 

@@ -12,6 +12,7 @@ import pytest
 from ctrlsys import ab13md
 
 from solver.limits import multivariable, search
+from solver.limits.ending import EnoughError
 from solver.limits.lower_bound import Limitation, lower_bound
 from solver.limits.multivariable import multivariable_limit
 from solver.limits.record import Limit, LimitStatus, Realised
@@ -127,6 +128,42 @@ def test_more_interaction_is_no_help() -> None:
         )
     )  # fmt: skip
     assert alone < together < late - 1.0
+
+
+def test_peaks_between_few_points_do_not_make_a_plant_infeasible(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A search on a coarse grid goes on until no peak is left that every tau_P leaves above 1."""
+    monkeypatch.setattr(search, "POINTS_PER_DECADE", 1.5)
+    monkeypatch.setattr(search, "POLES_PER_DECADE", (1.5,))
+    monkeypatch.setattr(search, "DENSER", 40)
+    monkeypatch.setattr(search, "MAX_EXCHANGES", 1)
+    plant = first_order(1, 1.0, 100.0, 0.0)
+    found = LimitSearch(plant, UNCERTAINTY, Performance()).run()
+    assert found is not None
+    assert found.tau_p == pytest.approx(coarse(plant).tau_p, rel=0.05)
+    monkeypatch.setattr(search, "LAST_EXCHANGE", 1)
+    assert LimitSearch(plant, UNCERTAINTY, Performance()).run() is None  # what going on is for
+
+
+@pytest.mark.parametrize("steps", [3, 100, 400])
+def test_a_search_ends_within_a_step_with_the_best_so_far(steps: int) -> None:
+    """Asked within Newton's method; where peaks between the points spoil the last one, earlier."""
+    calls = iter(range(10**9))
+
+    def tick() -> None:
+        if next(calls) > steps:
+            raise EnoughError
+
+    task = LimitSearch(SEED, UNCERTAINTY, Performance(), tick)
+    found = task.run()
+    assert task.ended
+    assert next(calls) < steps + 4  # it is not asked much longer
+    assert (found is not None) == (steps > 3)
+    if found is not None:
+        bound = lower_bound(SEED, UNCERTAINTY, Performance()).value
+        assert bound < found.tau_p < 6.0
+        assert found.mu <= 1
 
 
 INVERSE_RESPONSE = MatrixPlant(
