@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.model.frequencies import corners_of
+from solver.model.open_loop import require_supported
 from solver.model.plants import MatrixPlant
 from solver.model.validation import instance
 from solver.relay.analysis import relay_experiment
@@ -110,9 +111,12 @@ def relay_tuning(task: RelayTuning) -> RelayTuningOutcome:
     ------
     InvalidInputError
         As `relay_experiment`.
+    UnsupportedPlantError
+        The plant is open-loop unstable.
 
     """
     instance(task, RelayTuning, "")
+    require_supported(task.plant)  # before the experiments: what is tuned is judged at the end
     n = task.plant.n
     open_loops = tuple(
         _experiment(task, output, input_, ()) for output in range(n) for input_ in range(n)

@@ -3,9 +3,10 @@
 import johansson
 import pytest
 
-from solver.model.errors import InvalidInputError
+from solver.model.errors import InvalidInputError, UnsupportedPlantError
 from solver.model.plants import MatrixPlant, first_order
 from solver.model.transfer_function import TransferFunction
+from solver.relay import sequential
 from solver.relay.analysis import relay_experiment
 from solver.relay.experiment import Relay
 from solver.relay.sequential import Verdict, relay_tuning
@@ -75,3 +76,15 @@ def test_faults_are_named(given: dict[str, object], field: str) -> None:
     with pytest.raises(InvalidInputError) as error:
         RelayTuning(WEAK, Relay(1.0), **given)  # type: ignore[arg-type]
     assert error.value.field == field
+
+
+def test_a_plant_that_cannot_be_judged_is_refused_before_the_experiments(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A pole on the axis: half a minute of experiments would end with the same words."""
+    monkeypatch.setattr(sequential, "_experiment", None)
+    ringing = TransferFunction([-0.3], [1, 1e-9, 1])
+    plant = MatrixPlant([[LAG, WEAK.element(0, 1)], [ringing, LAG]])
+    with pytest.raises(UnsupportedPlantError, match="open-loop unstable") as caught:
+        relay_tuning(RelayTuning(plant, Relay(1.0, 0.01), Rule.TYREUS_LUYBEN))
+    assert caught.value.field == "/plant/elements/1/0/den"
