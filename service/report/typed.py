@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from service.analyses.controller_forms import ANALYSIS, ControllerFormsRequest
 from service.sheet.naming import instrument_of, loops_name
 from service.tuned import RequestedTuning
+from solver.hand_over.law import Names
 
 __all__ = ["Typed", "typed_in_per_cent"]
 
@@ -57,4 +58,6 @@ def _as_rows(tuned: RequestedTuning, found: dict[str, object]) -> Typed:
         f"{name}, {tuned.unit if unit == 'time unit' else unit}" if unit else name
         for name, unit in heads.items()
     )
-    return Typed(str(found["equation"]), ("", "action", *units), tuple(rows))
+    derivative = Names().derivative
+    off = "" if derivative in heads else f", {derivative} = 0"
+    return Typed(f"{found['equation']}{off}", ("", "action", *units), tuple(rows))

@@ -58,6 +58,17 @@ def test_values_are_in_the_units_of_the_system(http: Any) -> None:
     assert found["source"].startswith("Emerson, DeltaV")
 
 
+def test_what_is_not_typed_of_the_equation_is_told(http: Any) -> None:
+    """A PI has no value for the derivative of the equation: that it is 0 there is said."""
+    off = "No derivative action: RATE is 0 in the equation."
+    target = {"controller": "deltav_standard"}
+    found = handed_over(http, time_unit="min", instruments=SPANS, target=target)
+    assert off in found["notes"]
+    with_derivative = {"form": "ideal", **LOOPS[0], "derivative_time": 2.0, "filter_time": 0.2}
+    found = handed_over(http, loops=[with_derivative], time_unit="min", target=target)
+    assert off not in found["notes"]
+
+
 def test_band_and_repeats(http: Any) -> None:
     """A proportional band is 100 over the gain, repeats are one over the integral time."""
     target = {"form": "ideal", "gain": "proportional_band", "integral": "repeats", "digits": 3}

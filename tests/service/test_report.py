@@ -205,7 +205,7 @@ def test_values_to_type_are_in_per_cent_where_the_spans_are_known() -> None:
     )  # fmt: skip
     tuned = RequestedTuning.of(request, tune(request.build()), "min")
     page = Page(report_html(tuned, MADE))
-    assert "In per cent of the spans: K*(1 + 1/(Ti*s) + Td*s/(1 + Tf*Td*s))" in page.words
+    assert "In per cent of the spans: K*(1 + 1/(Ti*s) + Td*s/(1 + Tf*Td*s)), Td = 0" in page.words
     typed = tuned.loops[0].to_ideal()
     row = f"TIC-1 reverse {5 * typed.gain:.4g} {typed.integral_time:.4g}"
     assert row in page.words

@@ -41,13 +41,15 @@ def compute(request: ControllerFormsRequest) -> dict[str, Any]:
             "filter_rule": None if known is None else known.filter_rule,
             "source": None if known is None else known.source,
             "loops": loops,
-            "notes": list(_notes(task.hand_over, None if known is None else known.remark)),
+            "notes": list(_notes(task, task.hand_over, None if known is None else known.remark)),
             **_judged(task, made),
         }
     return document
 
 
-def _notes(hand_over: HandOver, remark: str | None) -> Iterator[str]:
+def _notes(task: FormsTask, hand_over: HandOver, remark: str | None) -> Iterator[str]:
+    if not any(loop.derivative_time for loop in task.loops):
+        yield f"No derivative action: {hand_over.law.names.derivative} is 0 in the equation."
     if not hand_over.has_spans:
         yield (
             "The spans of the signals are not given: the gain is that of the model, right where "
