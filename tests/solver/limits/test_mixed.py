@@ -71,7 +71,7 @@ def test_combined_outputs_are_tuned_and_proven_as_any_plant() -> None:
     """The same settings as on the combined plant written out, with its proof."""
     mixed = task(mixing=Mixing(outputs=SUM), certificate=True)
     found = tune_task(mixed)
-    by_hand = tune(task(mixed_outputs(SEED, Mixing(outputs=SUM)), certificate=True))
+    by_hand = tune(task(mixed_outputs(SEED, Mixing(outputs=SUM))))
     assert found.tau_p == by_hand.tau_p
     assert found.guarantee is not None
     assert found.guarantee.status == "proven"
