@@ -13,6 +13,8 @@ const WAIT = { Prefer: "wait=60" };
 const MOVED = /** @type {[string, string, string, string, string][]} */ ([
   ["uncertainty", "epsilon", "Error ε of the inputs", "1", "ε"],
   ["uncertainty", "theta", "Time scale θ of the error", "time", "θ"],
+  ["uncertainty", "gain_error", "Error of the gains", "1", "gain error"],
+  ["uncertainty", "dead_time_error", "Error of the dead times", "time", "dead-time error"],
   ["performance", "max_peak", "Permitted peak M", "1", "M"],
 ]);
 
