@@ -8,8 +8,9 @@ those with more parameters beside them.
 
 from __future__ import annotations
 
+import math
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,7 +19,7 @@ from solver.limits.search import bandwidth_of
 from solver.limits.structure_search import STARTS, StructureSearch
 from solver.limits.structures import INTEGRAL, SPEEDS, Structure, StructureKind
 from solver.model.controllers import Controller
-from solver.model.errors import UnsupportedPlantError
+from solver.model.errors import InvalidInputError, UnsupportedPlantError
 from solver.model.frequencies import corners
 from solver.model.measured import MeasuredPlant
 from solver.model.plants import MatrixPlant
@@ -26,10 +27,11 @@ from solver.model.transfer_function import TransferFunction
 from solver.robustness.centralised_curves import central_blocks
 from solver.tuning import tuner
 from solver.tuning.clock import Clock, OutOfTimeError
-from solver.tuning.demands import NO_DEMANDS
+from solver.tuning.demand_checks import BELOW, outcomes, planes
 from solver.tuning.groupings import named_partition
 from solver.tuning.record import SearchSummary, Status, Tuning
-from solver.tuning.specification import Arrangement, Bounds, ControllerKind, Signs
+from solver.tuning.relaxing import why_forbidden
+from solver.tuning.specification import Arrangement, ControllerKind, Signs
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -52,6 +54,7 @@ _SHARES: dict[ControllerKind, list[tuple[float, ...]]] = {
     ControllerKind.PIF: [(1e-3,), (0.1,)],
     ControllerKind.PIDF: [(1e-3, 1e-3), (0.03, 0.003), (0.25, 0.03), (1.0, 0.3)],
 }
+IDLE = 1e-3  # of the integral time: a derivative or filter time that does next to nothing
 SMALLEST = 1e-9  # of a loop's own gain over that of its row and column
 
 # What is not offered for loops that move combinations of inputs; and the field that asks for it.
@@ -59,11 +62,7 @@ _NOT_OFFERED: tuple[tuple[str, object, str, str], ...] = (
     ("scenarios", (), "/scenarios", "scenarios"),
     ("spread", None, "/spread", "a spread of parameters"),
     ("resolution", None, "/controller/resolution", "a resolution of the settings"),
-    ("as_found", None, "/as_found", "settings as found"),
-    ("start", None, "/search/start", "a start"),
     ("optimality_gap", False, "/search/optimality_gap", "a proof of optimality"),
-    ("demands", NO_DEMANDS, "/demands", "demands"),
-    ("bounds", Bounds(), "/controller/bounds", "bounds"),
     ("signs", Signs.USUAL, "/controller/signs", "other signs"),
 )
 
@@ -73,11 +72,29 @@ def tune_task(
 ) -> Tuning:
     """Find the best settings for a specification, whatever its loops move.
 
+    Where demands on loops that move combinations of inputs forbid settings, they are named.
+
     Parameters, errors: as for `solver.tuning.tuner.tune`.
     """
     if specification.mixing is None or specification.mixing.inputs is None:
         return tuner.tune(specification, progress)
-    return _tune(specification, progress)
+    found = _tune(specification, progress)
+    if found.status is not Status.INFEASIBLE or not specification.demands.names:
+        return found
+    limit, spent = specification.time_limit, found.search.elapsed_seconds
+
+    def again(other: Specification) -> Tuning | None:
+        nonlocal spent
+        if limit is not None:
+            if spent >= limit:
+                return None
+            other = replace(other, time_limit=limit - spent)
+        tuning = _tune(other, progress)
+        spent += tuning.search.elapsed_seconds
+        return tuning
+
+    reason = why_forbidden(specification.arranged(None), again)
+    return found if reason is None else replace(found, reason=reason)
 
 
 def mixed_controller(loops: Sequence[Controller], mixing: Mixing) -> MatrixPlant:
@@ -105,6 +122,13 @@ def _tune(
         if getattr(specification, name) != usual:
             message = f"loops that move combinations of inputs (mixing.inputs) are without {words}"
             raise UnsupportedPlantError(message, where)
+    for name in ("max_sensitivity_alone", "integrity"):
+        if name in specification.demands.names:
+            message = (
+                "with mixing.inputs no loop has a process of its own; of the demands "
+                "max_controller_gain and max_load_error are kept"
+            )
+            raise UnsupportedPlantError(message, f"/demands/{name}")
     if specification.arrangement is Arrangement.BEST:
         message = "with mixing.inputs, name the arrangement: identical, independent, grouped"
         raise UnsupportedPlantError(message, "/controller/arrangement")
@@ -121,16 +145,18 @@ def _tune(
     clock = Clock(task.time_limit, progress, lambda value: value)
     clock.total = STARTS
     performance = replace(task.performance, output_scale=None)
-    status, found, of = _searched(task, first, performance, clock)
+    status, found, of = _searched(task, _Asked(first, own * scales, groups), performance, clock)
     if found is None and status is Status.TIME_LIMIT:
         reason = "no feasible settings were found within the time limit"
         return _nothing(task, groups, clock, reason, status)
     if found is None or found.robustness.peaks is None:
         reason = "none were found that meet the demand at any tau_P"
         return _nothing(task, groups, clock, reason, Status.INFEASIBLE)
+    tuning = _result(task, groups, found, of.loops(found.theta), own * scales)
     return replace(
-        _result(task, groups, found, of.loops(found.theta), own * scales),
+        tuning,
         status=status,
+        demands=outcomes(task.demands, (task.plant,), tuning.loops),
         search=SearchSummary(STARTS, (), task.seed, clock.elapsed),
     )
 
@@ -192,27 +218,109 @@ def _structure(
     return structure, own
 
 
+@dataclass(frozen=True)
+class _Asked:
+    """What the search begins with.
+
+    Attributes
+    ----------
+    first : Structure
+        That of PI controllers.
+    units : (n,)
+        Gain of each loop times its own of these is 1 in units of the structure; of its sign.
+    groups : Groups
+        Loops that share settings.
+
+    """
+
+    first: Structure
+    units: NDArray[np.float64]
+    groups: Groups
+
+    def planes(
+        self, task: Specification, kind: ControllerKind
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+        """Return rows and limits of bounds and demands, for logarithms as the structure has them.
+
+        Bounds keep 2e-9 of a logarithm to either side, as the demands do.
+        """
+        names, count = kind.parameters, len(self.groups)
+        rows, limits = planes(task.demands, kind, count)
+        sides = [
+            (sign * np.eye(len(names))[place], sign * math.log(end) - BELOW)
+            for place, name in enumerate(names)
+            for sign, end in zip((-1.0, 1.0), getattr(task.bounds, name) or (), strict=False)
+        ]
+        if sides:
+            rows = np.vstack([rows, np.kron(np.eye(count), np.array([row for row, _ in sides]))])
+            limits = np.append(limits, np.tile([limit for _, limit in sides], count))
+        return (rows, limits + rows @ self._gains(names)) if limits.size else None
+
+    def theta(self, task: Specification) -> NDArray[np.float64]:
+        """Return the start that the task gives.
+
+        Raises
+        ------
+        InvalidInputError
+            Another number of settings, a gain of the other sign, no integral action, or unlike
+            settings in a group.
+
+        """
+        start, names = task.start or (), task.kind.parameters
+        found = []
+        for group in self.groups:
+            loop, where = start[group[0]], f"/search/start/{group[0]}"
+            if loop.gain * self.units[group[0]] <= 0:
+                message = "with mixing.inputs the gains have the signs that the plant has at rest"
+                raise InvalidInputError(message, f"{where}/gain")
+            if loop.integral_time is None:
+                message = "with mixing.inputs every loop has integral action"
+                raise InvalidInputError(message, f"{where}/integral_time")
+            for unit in group[1:]:
+                if start[unit] != loop:
+                    message = f"loop {unit + 1} shares the settings of loop {group[0] + 1}"
+                    raise InvalidInputError(message, f"/search/start/{unit}")
+            idle = loop.integral_time * IDLE
+            found += [abs(loop.gain), *(getattr(loop, name) or idle for name in names[1:])]
+        return np.log(found) + self._gains(names)
+
+    def _gains(self, names: Sequence[str]) -> NDArray[np.float64]:
+        """Return what the logarithms of settings differ by from those of the structure."""
+        own = [math.log(abs(self.units[group[0]])) for group in self.groups]
+        return np.kron(own, np.eye(len(names))[0])
+
+
 def _searched(
-    task: Specification, first: Structure, performance: Performance, clock: Clock
+    task: Specification, asked: _Asked, performance: Performance, clock: Clock
 ) -> tuple[Status, StructuredController | None, Structure]:
     """Return the best settings found, and the structure that they are settings of.
 
     PI controllers first; then all parameters of the kind, beginning beside these with times that
     do next to nothing, so that nothing is lost, and with some that do; then the other one of two
-    optima that come in pairs, as long as that leads on.
+    optima that come in pairs, as long as that leads on. From given settings: the best beside them.
     """
-    status, found, of = _run(task, first, performance, clock)
+    kept = asked.planes(task, task.kind)
+    if task.start is not None:
+        structure = replace(
+            asked.first, parameters=task.kind.parameters, starts=[asked.theta(task)]
+        )
+        status, found, of = _run(task, structure, performance, clock, kept)
+        return Status.LOCAL if status is Status.OPTIMAL else status, found, of
+    of_pi = asked.planes(task, ControllerKind.PI)
+    status, found, of = _run(task, asked.first, performance, clock, of_pi)
     if task.kind is ControllerKind.PI or status is Status.TIME_LIMIT:
         return status, found, of
     starts = []
-    for theta in first.starts if found is None else [found.theta]:
+    for theta in asked.first.starts if found is None else [found.theta]:
         rows = theta.reshape(-1, 2)
         for shares in _SHARES[task.kind]:
             more = rows[:, 1:] + np.log([shares])
             starts.append(np.hstack([rows, more]).ravel())
+    if task.bounds.derivative_time or task.bounds.filter_time:
+        found = None  # PI has neither, so it keeps no bounds of theirs
     while starts:
-        richer = replace(first, parameters=task.kind.parameters, starts=starts)
-        status, better, _ = _run(task, richer, performance, clock)
+        richer = replace(asked.first, parameters=task.kind.parameters, starts=starts)
+        status, better, _ = _run(task, richer, performance, clock, kept)
         if better is None or (found is not None and better.value >= found.value):
             break
         found, of = better, richer
@@ -236,10 +344,14 @@ def _swapped(theta: NDArray[np.float64], kind: ControllerKind) -> list[NDArray[n
 
 
 def _run(
-    task: Specification, structure: Structure, performance: Performance, clock: Clock
+    task: Specification,
+    structure: Structure,
+    performance: Performance,
+    clock: Clock,
+    kept: tuple[NDArray[np.float64], NDArray[np.float64]] | None,
 ) -> tuple[Status, StructuredController | None, Structure]:
-    """Return the best settings of one structure."""
-    search = StructureSearch(structure, task.uncertainty, performance, clock.tick)
+    """Return the best settings of one structure that keep the planes."""
+    search = StructureSearch(structure, task.uncertainty, performance, clock.tick, kept)
     try:
         return Status.OPTIMAL, search.run(), structure
     except OutOfTimeError:

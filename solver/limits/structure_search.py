@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.optimize import brentq, minimize
@@ -57,6 +57,8 @@ SLOWER = 10.0  # by which tau_P grows while no settings are found that meet it
 EXCHANGES = 8
 MISSED = 1e-7  # of mu above its level at a frequency that the grid lacked
 SLOWEST_TRIED = 1e4  # times the inverse bandwidth: the integral action alone is left of the demand
+PROJECTIONS = 1000  # on the worst plane: two per controller that meet at half a right angle
+ON_PLANE = 1e-10  # of a setting's logarithm: the planes are kept 2e-9 within the limits
 ROOM = 1e-6  # relative addition to tau_P for peaks between the points of the dense grid
 ATTEMPTS = 6
 
@@ -143,6 +145,8 @@ class StructureSearch:
         What is sought.
     uncertainty, performance, tick
         As for `structured_controllers`.
+    planes : tuple of (r, p) and (r,), or None
+        Rows and limits that the logarithms of the settings keep, `rows @ theta <= limits`.
 
     """
 
@@ -152,8 +156,10 @@ class StructureSearch:
         uncertainty: Uncertainty,
         performance: Performance,
         tick: Callable[[], None] = lambda: None,
+        planes: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None,
     ) -> None:
         plant = structure.blocks.plant
+        self.planes = planes
         bandwidth = bandwidth_of(plant, uncertainty, corners(plant, uncertainty))
         self._best: tuple[float, NDArray[np.float64]] | None = None
         self.structure, self.uncertainty, self.performance = structure, uncertainty, performance
@@ -173,13 +179,12 @@ class StructureSearch:
 
     def run(self) -> StructuredController | None:
         """Return the best settings; None where none were found that meet the demand."""
-        ranked = sorted(
-            (self._rough(start), number) for number, start in enumerate(self.structure.starts)
-        )
+        starts = [self._within(start) for start in self.structure.starts]
+        ranked = sorted((self._rough(start), number) for number, start in enumerate(starts))
         finite = [number for value, number in ranked if math.isfinite(value)][:STARTS]
         best: tuple[float, NDArray[np.float64]] | None = None
         for number in finite:
-            found = self._from(self.structure.starts[number])
+            found = self._from(starts[number])
             if found is not None and (best is None or found[0] < best[0]):
                 best = found
         return None if best is None else self._checked(best[1])
@@ -187,6 +192,19 @@ class StructureSearch:
     def kept(self) -> StructuredController | None:
         """Return the best settings met so far, where `run` was cut short."""
         return None if self._best is None else self._checked(self._best[1])
+
+    def _within(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return settings near to these that keep the planes: projections on one after another."""
+        if self.planes is None:
+            return theta
+        rows, limits = self.planes
+        for _ in range(PROJECTIONS):
+            beyond = rows @ theta - limits
+            worst = int(beyond.argmax())
+            if beyond[worst] <= ON_PLANE:
+                break
+            theta = theta - beyond[worst] * rows[worst] / (rows[worst] @ rows[worst])
+        return theta
 
     def _on(self, omega: NDArray[np.float64]) -> None:
         self.omega = omega
@@ -343,16 +361,23 @@ class StructureSearch:
 
         end = np.zeros(size + 1)
         end[size] = 1.0
+        constraints: list[dict[str, Any]] = [{"type": "ineq", "fun": room, "jac": slopes}]
+        if self.planes is not None:
+            rows, limits = self.planes
+            normals = np.hstack([-rows, np.zeros((len(rows), 1))])
+            constraints.append(
+                {"type": "ineq", "fun": lambda x: limits + normals @ x, "jac": lambda _: normals}
+            )
         for _ in range(restarts):
             found = minimize(
                 lambda x: x[size], np.append(theta, level), jac=lambda _: end, method="SLSQP",
                 bounds=list(zip(low, high, strict=True)),
-                constraints={"type": "ineq", "fun": room, "jac": slopes},
+                constraints=constraints,
                 options={"maxiter": MAX_ITERATIONS, "ftol": SETTLED},  # type: ignore[call-overload]
             )  # fmt: skip
             if not np.isfinite(found.x).all():
                 break
-            trial = np.clip(found.x, low, high)[:size]
+            trial = self._within(np.clip(found.x, low, high)[:size])
             reached = self._level(trial, tau_p, level if tau_p is None else None)
             if not reached < level - SETTLED or centralised_poles(
                 self.structure.blocks, self.structure.controllers(trial)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,8 +25,9 @@ from solver.model.plants import MatrixPlant, first_order
 from solver.model.transfer_function import TransferFunction
 from solver.model.weights import Performance, Uncertainty
 from solver.robustness.centralised import analyse_centralised
+from solver.tuning.demands import Demands
 from solver.tuning.record import Status
-from solver.tuning.specification import Specification
+from solver.tuning.specification import Bounds, Specification
 from solver.tuning.tuner import tune
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
@@ -126,6 +128,36 @@ def test_sum_and_difference_reach_what_mode_control_reaches(
     assert judged.peaks.robust_performance.value == pytest.approx(1, abs=1e-4)
 
 
+def test_bounds_demands_and_a_start_are_kept_by_loops_that_move_combinations(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Each costs what it costs, is never exceeded, and is told; from a start the best beside it."""
+    monkeypatch.setattr(structure_search, "STARTS", 1)
+    plain = Specification(
+        SEED, UNCERTAIN, Performance(tau_p=20.0), objective="mu",
+        mixing=Mixing(outputs=SUM, inputs=SUM),
+    )  # fmt: skip
+    free = tune_task(plain)
+    assert free.peaks is not None
+    least = free.peaks.robust_performance.value
+    gains = [loop.gain for loop in free.loops]
+    most = 0.8 * max(gains)
+    bounded = tune_task(replace(plain, bounds=Bounds(gain=(min(gains) / 2, most))))
+    limited = tune_task(replace(plain, demands=Demands(max_controller_gain=most)))
+    for found in (bounded, limited):
+        assert found.peaks is not None
+        assert max(loop.gain for loop in found.loops) == pytest.approx(most)
+        assert max(loop.gain for loop in found.loops) <= most
+        assert found.peaks.robust_performance.value > least
+    assert [(each.name, each.met, each.active) for each in limited.demands] == [
+        ("max_controller_gain", True, True)
+    ]
+    beside = tune_task(replace(plain, start=free.loops))
+    assert beside.status is Status.LOCAL
+    assert beside.peaks is not None
+    assert beside.peaks.robust_performance.value == pytest.approx(least, rel=1e-6)
+
+
 def test_derivative_action_begins_beside_the_best_pi_settings(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -174,6 +206,12 @@ def test_units_of_the_signals_do_not_make_a_matrix_singular() -> None:
         ({"mixing": Mixing(outputs=np.eye(3).tolist())}, "/mixing/outputs"),
         ({"mixing": Mixing(outputs=SUM), "pairing": (1, 0)}, "/pairing"),
         ({"mixing": Mixing(inputs=SUM), "signs": "any"}, "/controller/signs"),
+        ({"mixing": Mixing(inputs=SUM), "demands": Demands(integrity="stable")},  # type: ignore[arg-type]
+         "/demands/integrity"),
+        ({"mixing": Mixing(outputs=SUM, inputs=SUM), "start": [Controller(-1.0, 9.0)] * 2},
+         "/search/start/0/gain"),
+        ({"mixing": Mixing(outputs=SUM, inputs=SUM), "start": [Controller(1.0, None)] * 2},
+         "/search/start/0/integral_time"),
         ({"mixing": Mixing(inputs=SUM), "arrangement": "best"}, "/controller/arrangement"),
         ({"mixing": Mixing(outputs=((1, 1), (1, -1)), inputs=((1, -1), (-1, -1)))},
          "/mixing/inputs"),
