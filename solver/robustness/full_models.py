@@ -413,9 +413,9 @@ def lifted_ratio(
     num: Sequence[float], den: Sequence[float], variable: Variable, powers: int
 ) -> tuple[Models, NDArray[np.bool_]]:
     """Return a ratio of polynomials, descending, times (s/(1 + s/f))^powers."""
-    below = np.trim_zeros(np.array(den), "b")
-    integrators = len(den) - below.size
-    return variable.quotient(np.array(num), below, powers - integrators, powers)
+    above, below = (np.trim_zeros(np.array(each), "b") for each in (num, den))
+    rises = (len(num) - above.size) - (len(den) - below.size)  # powers of s, what cancels left out
+    return variable.quotient(above, below, powers + rises, powers)
 
 
 def lifted_element(
