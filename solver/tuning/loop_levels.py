@@ -11,6 +11,7 @@ from solver.mu.workspace import compiled
 __all__ = ["ends_at_rest", "loop_levels", "responses", "winds_as_stable"]
 
 AT_REST = 0.2  # relative change of det over the last step, a loop gain of about 1/2 by then
+SMALL_GAIN = 0.5  # of a loop at the last frequencies: it does not reach -1 beyond them
 
 
 @compiled
@@ -66,11 +67,17 @@ def winds_as_stable(det, omega):
 
 @compiled
 def ends_at_rest(det):
-    """Whether det (k, blocks) changes no more at the last frequency: the loop ends below it."""
+    """Whether det (k, blocks) changes no more at the last frequency: the loop ends below it.
+
+    Or whether it stays near 1 there: a lead whose filter ends far higher keeps a small loop gain
+    that dead time turns without end, and that turns round nothing.
+    """
     last = det.shape[0] - 1
     rest = True
     for block in range(det.shape[1]):
-        rest &= abs(det[last, block] / det[last - 1, block] - 1.0) < AT_REST
+        before, end = det[last - 1, block], det[last, block]
+        small = max(abs(before - 1.0), abs(end - 1.0)) < SMALL_GAIN
+        rest &= small or abs(end / before - 1.0) < AT_REST
     return rest
 
 
