@@ -24,13 +24,15 @@ def landscape(tuned: RequestedTuning) -> go.Figure:
     """Return the local optima: value and how often each was found, and where its settings lie."""
     optima = tuned.result.search.local_optima[:_SHOWN]
     found = len(tuned.result.search.local_optima)
-    ended = sum(optimum.count for optimum in tuned.result.search.local_optima)
+    ends = [optimum.count for optimum in tuned.result.search.local_optima if optimum.count]
+    ended, others = sum(ends), found - len(ends)
     starts = tuned.result.search.starts
     panels = Panels(
         "Landscape: the local optima of the search",
-        f"Of {starts} starts {ended} ended in {found} "
-        + ("local optimum" if found == 1 else "different local optima")
+        f"Of {starts} starts {ended} ended in {len(ends)} "
+        + ("local optimum" if len(ends) == 1 else "different local optima")
         + (", the others were given up as worse" if ended < starts else "")
+        + (f"; {others} more {'was' if others == 1 else 'were'} found from these" if others else "")
         + (f", the best {_SHOWN} of which are shown" if found > _SHOWN else "")
         + ". Above: their values, and how many starts ended there. Below: the settings of each; "
         "lines join the loops of one optimum.",
@@ -48,7 +50,7 @@ def landscape(tuned: RequestedTuning) -> go.Figure:
         marker={
             "color": colours,
             "opacity": 1,
-            "size": [8 + 12 * math.sqrt(count / max(counts, default=1)) for count in counts],
+            "size": [8 + 12 * math.sqrt(count / max([1, *counts])) for count in counts],
         },
         hovertemplate="optimum %{x}: %{y:.5g}, %{text}<extra></extra>",
     )  # fmt: skip

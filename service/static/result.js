@@ -63,7 +63,7 @@ function headline({ result, status, request: asked }) {
     h("p", {}, what, " for every plant within the uncertainty."),
     CUT[status] && h("p", { class: "doubt" }, CUT[status], " A whole search may find better ones."),
     result.comparison && gain(result), result.optimality && limit(result.optimality),
-    result.limit && h("p", {}, plain(result.limit.verdict)),
+    result.limit && h("p", {}, plain(result.limit.verdict), byTime && ` Times in ${timeUnit()}.`),
     guaranteed(result.guarantee), scenarios(result), result.integrity && help(sentence(result.integrity)),
     plate(asked));
 }

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from zoo import COLUMN, ZOO, Case
 
 from service import figures
 from service.figures.document import figures_to_json
+from service.figures.search import landscape
 from service.figures.tuning import TuningFigures
 from service.schemas.drawn import DrawnCurves
 from service.schemas.peaks import Peak, Peaks
@@ -262,6 +264,30 @@ def test_a_result_without_curves_says_so() -> None:
     """Figures over frequency need curves."""
     drawn = figures.tuning_figures(published(curves=None, peaks=None))
     assert {"mu", "controllers", "sensitivity"} == set(drawn.omitted)
+
+
+@pytest.mark.parametrize(
+    ("counts", "told"),
+    [
+        (
+            (2, 0),
+            "2 ended in 1 local optimum, the others were given up as worse; 1 more was",
+        ),
+        ((3, 1), "Of 4 starts 4 ended in 2 different local optima. Above"),
+        ((0, 0), "Of 4 starts 0 ended in 0 different local optima"),
+    ],
+)
+def test_starts_add_up_in_the_landscape(counts: tuple[int, int], told: str) -> None:
+    """An optimum that another one led to is no start's end, and is told beside those that are."""
+    tuned = published()
+    search = tuned.result.search
+    optima = [
+        optimum.model_copy(update={"count": count})
+        for optimum, count in zip(search.local_optima, counts, strict=True)
+    ]
+    changed = search.model_copy(update={"starts": 4, "local_optima": optima})
+    result = tuned.result.model_copy(update={"search": changed})
+    assert told in str(landscape(replace(tuned, result=result)).layout.to_plotly_json())
 
 
 def test_landscape_shows_the_best_first(drawn: TuningFigures) -> None:
