@@ -381,9 +381,9 @@ def _zero_warnings(zeros: TransmissionZeros, limits: tuple[LoopLimit, ...]) -> t
     nearly = [f"{zero.value.real:.3g}" for zero in zeros.zeros if zero.near_cancellation]
     if nearly:
         found.append(
-            f"Zeros near a pole ({', '.join(nearly[:5])}) exist by rounding only: poles of "
-            "different elements agree but for the last digits. Type equal ones alike, and they "
-            "are gone."
+            f"Zeros near a pole ({', '.join(nearly[:5])}) may exist by rounding only: poles or "
+            "zeros of the elements agree there within 1 %. Where they are the same thing, type "
+            "them alike, and these zeros are gone."
         )
     if zeros.method is ZeroMethod.SEARCH:
         found.append(

@@ -30,6 +30,22 @@ def test_quadruple_tank_has_two_zeros() -> None:
     assert any("by rounding only" in warning for warning in analyse_interaction(TANKS).warnings)
 
 
+def test_an_elements_own_zero_beside_its_pole_is_called_no_pole_of_another() -> None:
+    """(0.386 s + 0.266)/(1.45 s + 1) cancels but for 0.1 %: the words hold for that too."""
+    plant = MatrixPlant(
+        [
+            [TransferFunction([-0.319], [1747, 83.6, 1]), TransferFunction([-0.334], [27.6, 1])],
+            [
+                TransferFunction([-13.7, 1.02], [7.49, 1]),
+                TransferFunction([-0.386, -0.266], [1.45, 1]),
+            ],
+        ]
+    )
+    (told,) = (text for text in analyse_interaction(plant).warnings if "by rounding" in text)
+    assert "(-0.69) may exist" in told
+    assert "different elements" not in told
+
+
 @pytest.mark.parametrize("digits", [4, 5, 6, 12])
 def test_rounded_products_bring_no_zeros(digits: int) -> None:
     """Whether four digits of a shared pole are typed or twelve, the plant keeps its two zeros."""
