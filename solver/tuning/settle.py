@@ -40,6 +40,8 @@ SPREAD_ROUNDS = 12  # and with the worst plants of a spread
 NEARLY = 0.02  # relative distance below the peak of maxima that are as good as active
 MOST_PLACES = 50  # of them that join the grid in one round
 WORSE = 1e-6  # of s: a plant of the spread that is worse by more joins the cases
+FOOLED = 1e-3  # relative excess of the proven peak over what the search saw
+BACK = np.geomspace(1e-7, 0.3, 28)  # shares by which gains are lowered: the edge may be as near
 RAISED = 30  # times that tau_P of the same settings is raised to what a new peak demands
 
 
@@ -98,6 +100,7 @@ def settled(
         found, candidate = _searched_on(specification, search, extended(search, candidate), clock)
         if found is not None:
             return found
+    candidate = _stepped_back(specification, search, candidate)
     for _ in range(RAISED):
         here, worse = _judged(specification, search, candidate)
         if worse is None and _above(search, candidate, here) <= ABOVE:
@@ -133,6 +136,38 @@ def _searched_on(
             break
         candidate = found
     return None, candidate
+
+
+def _stepped_back(
+    specification: Specification, search: GroupingSearch, candidate: Candidate
+) -> Candidate:
+    """Return the candidate, for the objective mu with gains as much lower as serves it best.
+
+    Of nearly singular plants the least mu lies beside the edge of stability, where the peak is
+    narrower than any grid: the search may end on the edge itself. The peak there falls with the
+    inverse distance to the edge, the one of the weak direction hardly rises.
+    """
+    if specification.objective is not Objective.MU:
+        return candidate
+    gains = np.zeros(candidate.theta.size)
+    gains[:: search.objective.per_controller] = 1.0
+    least = _highest(_looked_at(specification, search, candidate))
+    if least <= math.exp(candidate.value / 2) * (1 + FOOLED):
+        return candidate
+    start = candidate.theta
+    for share in BACK:
+        theta = search.box.clip(start + math.log1p(-share) * gains)
+        if not search.accepts(theta):
+            continue
+        top = _highest(_looked_at(specification, search, replace(candidate, theta=theta)))
+        if top < least:
+            least, candidate = top, replace(candidate, theta=theta, value=2 * math.log(top))
+    return candidate
+
+
+def _highest(here: Settled) -> float:
+    """Return the highest peak of all cases."""
+    return max(axis.peaks.robust_performance.value for axis in here.axes)
 
 
 def _judged(

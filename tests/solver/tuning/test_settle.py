@@ -1,0 +1,28 @@
+"""The last word on settings: what the whole axis says of where a search ends."""
+
+import math
+
+import numpy as np
+
+from solver.model.plants import first_order
+from solver.model.weights import Performance, Uncertainty
+from solver.tuning.exact import Candidate
+from solver.tuning.search import Freedom, GroupingSearch
+from solver.tuning.settle import settled
+from solver.tuning.specification import Objective, Specification
+
+
+def test_settings_on_the_edge_of_stability_step_back_from_it() -> None:
+    """A peak too narrow for the search, 56,651,810 where 14,117 was seen: lower gains serve."""
+    task = Specification(
+        first_order(3, 1, 100, 1 - 1e-7, 1),
+        Uncertainty.from_error(0.2, 1),
+        Performance(tau_p=19),
+        objective=Objective.MU,
+    )
+    search = GroupingSearch(task, Freedom.usual(task, ((0, 1, 2),)), lambda: None)
+    seen = 14117.092020497255
+    on_edge = np.array([3.46046724, 0.53508512])
+    found = settled(task, search, Candidate(on_edge, 2 * math.log(seen), (), 0.0), None)
+    assert found is not None
+    assert found.peaks.robust_performance.value < 1.1 * seen
