@@ -162,6 +162,8 @@ def _stepped_back(
         top = _highest(_looked_at(specification, search, replace(candidate, theta=theta)))
         if top < least:
             least, candidate = top, replace(candidate, theta=theta, value=2 * math.log(top))
+        elif candidate.theta is not start:
+            break  # further from the edge than serves
     return candidate
 
 
