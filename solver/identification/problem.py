@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solver.identification.elements import ElementKind
-from solver.identification.fitting import TimeLimits, fit
+from solver.identification.fitting import TimeLimits
 from solver.identification.row import Row, Segment
-from solver.identification.start import scan
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -25,7 +24,9 @@ __all__ = [
     "limits",
     "matrix_rows",
     "parallel_row",
-    "starts",
+    "rows",
+    "thinned",
+    "unit_rows",
 ]
 
 
@@ -47,6 +48,8 @@ class Start(StrEnum):
     """They had their first values for long: the plant rests."""
     FROM_ZERO = "from zero"
     """They were zero for long; the record begins with a step to their first values."""
+    MOVING = "moving"
+    """They moved before: the outputs are still on their way."""
 
 
 def limits(records: Sequence[Record]) -> TimeLimits:
@@ -97,35 +100,33 @@ def parallel_row(
     return Row(tuple(segments))
 
 
-def starts(records: Sequence[Record]) -> list[Start]:
-    """Return how each record begins: held, or from zero where that explains it better.
+def rows(
+    records: Sequence[Record],
+    begins: Sequence[Start],
+    structure: PlantStructure,
+    *,
+    drift: bool = False,
+) -> list[Row]:
+    """Return the rows: one of a parallel plant, else one for each output."""
+    match structure:
+        case PlantStructure.PARALLEL:
+            found = [parallel_row(records, begins)]
+        case PlantStructure.UNITS:
+            found = unit_rows(records, begins)
+        case PlantStructure.MATRIX:
+            found = matrix_rows(records, begins)
+    return [replace(row, drift=drift) for row in found]
 
-    Neither has a parameter more than the other; first-order elements are enough to tell a plant
-    that rests from one that has just been switched on.
-    """
-    found = []
-    for record in records:
-        if not any(values[0] for values in record.inputs.values()):
-            found.append(Start.HELD)
-            continue
-        bounds = limits([record])
-        costs = []
-        for begin in Start:
-            cost = 0.0
-            for row in matrix_rows([record], [begin]):
-                thin = thinned(row, 1000)
-                kinds = [ElementKind.FIRST] * row.inputs
-                solved = fit(thin, kinds, scan(thin, bounds).shapes, bounds)
-                cost += float(np.log(max(solved.cost, 1e-300)))
-            costs.append(cost)
-        found.append(list(Start)[int(np.argmin(costs))])
-    return found
+
+def unit_rows(records: Sequence[Record], begins: Sequence[Start]) -> list[Row]:
+    """Return a row of own input and sum of the others for each unit."""
+    return [parallel_row(records, begins, [unit]) for unit in range(len(records[0].outputs))]
 
 
 def thinned(row: Row, readings: int) -> Row:
     """Return the row with about as many readings, evenly spread."""
     step = max(row.readings // readings, 1)
-    return Row(tuple(segment.thinned(step) for segment in row.segments), row.nuisance)
+    return replace(row, segments=tuple(segment.thinned(step) for segment in row.segments))
 
 
 def _segment(
@@ -141,6 +142,7 @@ def _segment(
         np.ones(int(np.count_nonzero(seen))),
         record=index,
         unit=output,
+        moving=begin is Start.MOVING,
     )
 
 
@@ -148,6 +150,6 @@ def _changes(
     time: NDArray[np.float64], values: NDArray[np.float64], begin: Start
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return when an input changes and its deviation from the value before the record."""
-    before = values[0] if begin is Start.HELD else 0.0
+    before = 0.0 if begin is Start.FROM_ZERO else values[0]
     moved = np.flatnonzero(np.diff(np.concatenate(([before], values))))
     return time[moved].copy(), values[moved] - before

@@ -23,18 +23,10 @@ if TYPE_CHECKING:
     from solver.identification.colour import Colour
     from solver.identification.elements import ElementKind
 
-__all__ = ["Nuisance", "Row", "Segment", "Solved", "least_squares", "orthonormal"]
+__all__ = ["Row", "Segment", "Solved", "least_squares", "orthonormal"]
 
 # Columns that differ from those before by less than this part are theirs: rounding of the data.
 DEPENDENT = 1e-9
-
-
-@dataclass(frozen=True)
-class Nuisance:
-    """What each segment has for itself beside an offset."""
-
-    drift: bool = False
-    unknown_start: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +47,8 @@ class Segment:
         Where it comes from.
     colour : Colour or None
         Of its disturbances, where they are not white.
+    moving : bool
+        Whether it begins with free motions.
 
     """
 
@@ -65,6 +59,7 @@ class Segment:
     record: int = 0
     unit: int = 0
     colour: Colour | None = None
+    moving: bool = False
 
     def weighted(self, columns: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return columns over the readings, (k,) or (k, c), each reading by what it tells."""
@@ -85,10 +80,10 @@ class Segment:
 
 @dataclass(frozen=True, eq=False)
 class Row:
-    """Segments that share their elements, and what each segment has for itself."""
+    """Segments that share their elements, and whether each may drift linearly."""
 
     segments: tuple[Segment, ...]
-    nuisance: Nuisance = Nuisance()
+    drift: bool = False
 
     @property
     def inputs(self) -> int:
@@ -109,9 +104,9 @@ class Row:
     ) -> NDArray[np.float64]:
         """Return what the segment has for itself, (k, columns)."""
         columns = [np.ones_like(segment.time)]
-        if self.nuisance.drift:
+        if self.drift:
             columns.append(segment.time / max(segment.time[-1], 1e-300) - 0.5)
-        if self.nuisance.unknown_start:
+        if segment.moving:
             for kind, shape in zip(kinds, shapes, strict=True):
                 columns += free_motions(kind, shape, segment.time)
         return np.stack(columns, axis=1)
@@ -203,11 +198,11 @@ class Row:
         self, segment: Segment, solved: Solved, block: NDArray[np.float64]
     ) -> list[NDArray[np.float64]]:
         """Return the share of each free motion, element by element."""
-        if not self.nuisance.unknown_start:
+        if not segment.moving:
             return [np.zeros(0)] * len(solved.kinds)
         own = self.own_columns(segment, solved.kinds, solved.shapes)
         shares = self._own_coefficients(segment, solved, block, own)
-        first, found = 1 + self.nuisance.drift, []
+        first, found = 1 + self.drift, []
         for kind in solved.kinds:
             found.append(shares[first : first + kind.motions])
             first += kind.motions

@@ -179,7 +179,7 @@ def _first_look(row: Row, limits: TimeLimits) -> Row:
 
 def _thinned(row: Row) -> Row:
     step = max(row.readings // TRIED, 1)
-    return Row(tuple(segment.thinned(step) for segment in row.segments), row.nuisance)
+    return replace(row, segments=tuple(segment.thinned(step) for segment in row.segments))
 
 
 def _rescanned(row: Row, solved: Solved, limits: TimeLimits) -> Solved:

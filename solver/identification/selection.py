@@ -245,7 +245,7 @@ def kept_back(row: Row, solved: Solved, limits: TimeLimits) -> NDArray[np.float6
             replace(segment, weight=np.where(label % FOLDS == fold, 0.0, segment.weight))
             for segment, label in zip(row.segments, labels, strict=True)
         )
-        reduced = Row(segments, row.nuisance)
+        reduced = replace(row, segments=segments)
         trained = fit(reduced, solved.kinds, solved.shapes, limits, most_steps=FEW_STEPS)
         own = reduced.own_parts(trained)
         for segment, label, block, part in zip(

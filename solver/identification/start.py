@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from solver.identification.fitting import TimeLimits
-    from solver.identification.row import Row
+    from solver.identification.row import Row, Segment
 
 __all__ = ["Scanned", "scan"]
 
@@ -75,7 +75,7 @@ def _projected(
     parts: list[list[NDArray[np.float64]]] = [[] for _ in range(row.inputs)]
     for segment in row.segments:
         weight = segment.weight[:, None]
-        base = orthonormal(row.own_columns(segment, (), ()) * weight)
+        base = orthonormal(_own_columns(row, segment) * weight)
         output = segment.output * segment.weight
         targets.append(output - base @ (base.T @ output))
         for index, moves in enumerate(segment.changes):
@@ -92,6 +92,15 @@ def _projected(
         size = np.linalg.norm(block, axis=0)
         candidates.append(block / np.where(size > 0, size, 1.0))
     return np.concatenate(targets), candidates
+
+
+def _own_columns(row: Row, segment: Segment) -> NDArray[np.float64]:
+    """Return the segment's own columns, motions of three lags standing for those of any."""
+    own = row.own_columns(segment, (), ())
+    if not segment.moving:
+        return own
+    lags = float(segment.time[-1]) / np.array([2.0, 8.0, 32.0])
+    return np.hstack([own, np.exp(-segment.time[:, None] / lags)])
 
 
 def _choose(

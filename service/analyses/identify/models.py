@@ -282,7 +282,7 @@ class IdentificationResult(ResultModel):
         description="Of each output in each record.", examples=[[]]
     )
     starts: list[str] = Field(
-        description="What the inputs did before each record: held, or from zero.",
+        description="What the inputs did before each record: held, from zero, or moving.",
         examples=[["held"]],
     )
     equality: EqualityResult | None = Field(

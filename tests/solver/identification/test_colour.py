@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 from drawn import Lag, lag, record
 
+from solver.identification.beginning import starts
 from solver.identification.colour import Colour, colour_of
 from solver.identification.fitting import fit as least
 from solver.identification.identify import identify
-from solver.identification.problem import limits, matrix_rows, starts
+from solver.identification.problem import PlantStructure, limits, matrix_rows
 from solver.identification.record import Record
 from solver.identification.row_fit import fit_row
 from solver.identification.selection import Allowed
@@ -63,7 +64,7 @@ def test_slow_disturbances_mislead_less_than_a_plain_fit():
         clean = record([truth], generator, noise=0.0)
         y = clean.outputs["y0"] + 0.3 * forgetting(generator, clean.time, 30.0)
         one = Record(clean.time, clean.inputs, {"y0": y})
-        row = matrix_rows([one], starts([one]))[0]
+        row = matrix_rows([one], starts([one], PlantStructure.MATRIX))[0]
         fit = fit_row(row, Allowed(1, integrating=False), limits([one]))
         plain = least(fit.row.plain(), fit.solved.kinds, fit.solved.shapes, fit.limits)
         for name, elements in (("weighted", fit.elements), ("plain", plain.elements)):

@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from drawn import Lag, lag, moves, record, respond
 
+from solver.identification.beginning import starts
 from solver.identification.colour import Colour
 from solver.identification.elements import ElementKind
 from solver.identification.identify import identify
 from solver.identification.noise import covariance
-from solver.identification.problem import PlantStructure, Start, limits, matrix_rows, starts
+from solver.identification.problem import PlantStructure, Start, limits, matrix_rows
 from solver.identification.record import Record
 from solver.identification.row_fit import fit_row
 from solver.identification.selection import Allowed, begin, select
@@ -31,7 +32,7 @@ def heaters(name):
 
 def fitted(one, order=None):
     """Return the first row's fit."""
-    row = matrix_rows([one], starts([one]))[0]
+    row = matrix_rows([one], starts([one], PlantStructure.MATRIX))[0]
     return fit_row(row, Allowed(order), limits([one]))
 
 
