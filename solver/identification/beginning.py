@@ -35,6 +35,8 @@ __all__ = ["starts"]
 # A start that moves by so many standard deviations of its scatter before any input does is no rest.
 MOVING = 6.0
 QUIET_SAMPLES = 8
+FEWEST = 3  # readings that show a speed and its scatter
+DEAD_TIME = 0.1  # of the record: the longest that is tried
 # The least part of an output's range that counts as a move.
 VISIBLE = 0.05
 TRIED = 1000  # readings
@@ -77,7 +79,7 @@ def _start(record: Record, structure: PlantStructure, *, drift: bool) -> Start:
     if seen is Seen.REST:
         return rest
     still, moving = thin(rest), thin(Start.MOVING)
-    if not any(_early_rise(s, s.output, QUIET_SAMPLES) for row in still for s in row.segments):
+    if not any(_leaves(segment) for row in still for segment in row.segments):
         return rest
     pairs = zip(still, moving, strict=True)
     return Start.MOVING if any(_moves(a, b, box) for a, b in pairs) else rest
@@ -130,11 +132,14 @@ def _rise(time: NDArray[np.float64], values: NDArray[np.float64]) -> tuple[float
 def _moves(still: Row, moving: Row, box: TimeLimits) -> bool:
     """Whether a plant that did not rest explains a row, and one that rested does not.
 
-    Second-order elements: what a first-order one leaves of a second-order plant looks like a
+    Second-order elements, or integrators with a lag: what a poorer form leaves looks like a
     motion. Readings are weighted by the colour of what rest leaves (see `selection`).
     """
-    kinds = [ElementKind.SECOND] * still.inputs
-    rest = begin(still, kinds, box)
+    forms = (ElementKind.SECOND, ElementKind.INTEGRATOR_LAG)
+    rest = min(
+        (begin(still, [form] * still.inputs, box) for form in forms), key=lambda one: one.cost
+    )
+    kinds = rest.kinds
     free = min(
         (
             fit(moving, kinds, shapes, box)
@@ -169,6 +174,15 @@ def _as_weighted(row: Row, like: Row) -> Row:
 def _residuals(row: Row, solved: Solved) -> list[NDArray[np.float64]]:
     triples = zip(row.segments, solved.blocks, row.own_parts(solved), strict=True)
     return [segment.output - block @ solved.gains - part for segment, block, part in triples]
+
+
+def _leaves(segment: Segment) -> bool:
+    """Whether the first readings leave rest at a speed that is visible within a dead time."""
+    first = min((float(at[0]) for at, _ in segment.changes if at.size), default=math.inf)
+    count = int(np.clip(np.count_nonzero(segment.time <= first), FEWEST, QUIET_SAMPLES))
+    rise, _ = _rise(segment.time[:count], segment.output[:count])
+    speed = abs(rise) / float(np.ptp(segment.time[:count]))
+    return speed * float(segment.time[-1]) * DEAD_TIME > VISIBLE * float(np.ptp(segment.output))
 
 
 def _early_rise(segment: Segment, values: NDArray[np.float64], count: int) -> bool:
