@@ -112,12 +112,14 @@ def _before_any_move(record: Record, held: Sequence[Row]) -> Seen:
 
 
 def _cost(tried: Sequence[Row], box: TimeLimits) -> float:
-    """Return the sum over rows of the logarithm of what first-order elements leave."""
+    """Return the sum over rows of the logarithm of what lags or integrators leave."""
     cost = 0.0
     for row in tried:
-        kinds = [ElementKind.FIRST] * row.inputs
-        solved = fit(row, kinds, scan(row, box).shapes, box)
-        cost += math.log(max(solved.cost, 1e-300))
+        left = math.inf
+        for form in (ElementKind.FIRST, ElementKind.INTEGRATOR):
+            shapes = [shape[2 - len(form.shape_names) :] for shape in scan(row, box, form).shapes]
+            left = min(left, fit(row, [form] * row.inputs, shapes, box).cost)
+        cost += math.log(max(left, 1e-300))
     return cost
 
 
