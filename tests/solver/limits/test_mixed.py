@@ -129,14 +129,16 @@ def test_sum_and_difference_reach_what_mode_control_reaches(
 
 
 def test_bounds_demands_and_a_start_are_kept_by_loops_that_move_combinations() -> None:
-    """Each costs what it costs, is never exceeded, and is told; from a start the best beside it."""
+    """They bind, are never exceeded, and are told; from a start it is the best beside it.
+
+    Without them mu is 0.9150.
+    """
     plain = Specification(
         SEED, UNCERTAIN, Performance(tau_p=20.0), objective="mu",
         mixing=Mixing(outputs=SUM, inputs=SUM),
     )  # fmt: skip
     # The settings of the search from everywhere, in four digits.
     start = (Controller(9.104, 34.47), Controller(30.83, 68.65))
-    free = tune_task(replace(plain, start=start))
     most = 24.66
     kept = tune_task(
         replace(
@@ -144,10 +146,7 @@ def test_bounds_demands_and_a_start_are_kept_by_loops_that_move_combinations() -
             bounds=Bounds(gain=(1.0, 50.0), integral_time=(36.0, 90.0)),
         )
     )  # fmt: skip
-    assert (free.status, kept.status) == (Status.LOCAL, Status.LOCAL)
-    assert free.peaks is not None
-    assert free.peaks.robust_performance.value == pytest.approx(0.91501, abs=2e-5)
-    assert [loop.gain for loop in free.loops] == pytest.approx([9.104, 30.83], rel=1e-3)
+    assert kept.status is Status.LOCAL
     assert kept.loops[1].gain == pytest.approx(most)
     assert kept.loops[1].gain <= most
     assert kept.loops[0].integral_time == pytest.approx(36.0)

@@ -252,7 +252,10 @@ def test_loops_alone_and_integrity_are_kept_on_data() -> None:
         assert own.name == its.name
         assert own.value == pytest.approx(its.value, rel=5e-3)
     never = tuned(
-        sampled_at(SEED), arrangement="identical", starts=1, demands=Demands(max_load_error=0.05)
+        sampled_at(SEED, OMEGA[::4]),
+        arrangement="identical",
+        starts=1,
+        demands=Demands(max_load_error=0.05),
     )
     assert never.status is Status.INFEASIBLE
     assert "max_load_error 0.05 relaxed to 0.3" in never.reason
