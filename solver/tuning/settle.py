@@ -16,6 +16,7 @@ import numpy as np
 from solver.model.errors import InvalidInputError
 from solver.model.transfer_function import LARGEST
 from solver.robustness.axis import AxisPeaks, proven_peaks
+from solver.robustness.record import GuaranteeStatus
 from solver.tuning.endless import extended
 from solver.tuning.specification import Objective
 
@@ -43,6 +44,9 @@ WORSE = 1e-6  # of s: a plant of the spread that is worse by more joins the case
 FOOLED = 1e-3  # relative excess of the proven peak over what the search saw
 BACK = np.geomspace(1e-7, 0.3, 28)  # shares by which gains are lowered: the edge may be as near
 RAISED = 30  # times that tau_P of the same settings is raised to what a new peak demands
+PROOF_COSTS = 3e-4  # of s, at most, that a longer filter may cost
+FILTER_STEP = math.sqrt(10)  # by which a filter is made longer until a proof is found,
+FILTER_STEPS = 12  # so often
 
 
 @dataclass(frozen=True)
@@ -127,7 +131,7 @@ def _searched_on(
         clock.tick()
         here, worse = _judged(specification, search, candidate)
         if worse is None and _above(search, candidate, here) <= ABOVE:
-            return here, candidate
+            return _filtered(specification, search, here) or here, candidate
         for index, axis in enumerate(here.axes):
             if _excess(search, candidate, axis) > ABOVE or index in search.active:
                 search.look_at(_high_places(axis), search.activate(index))
@@ -170,6 +174,36 @@ def _stepped_back(
 def _highest(here: Settled) -> float:
     """Return the highest peak of all cases."""
     return max(axis.peaks.robust_performance.value for axis in here.axes)
+
+
+def _filtered(
+    specification: Specification, search: GroupingSearch, here: Settled
+) -> Settled | None:
+    """Return the same settings with filters that end sooner, where these are proven and those not.
+
+    A dead time turns the phase up to a filter's end, more often than a proof can follow where that
+    goes to infinity. None where there is nothing to mend, or not for as little as `PROOF_COSTS`.
+    """
+    names = search.objective.kind.parameters
+    if _proven(here) or "filter_time" not in names:
+        return None
+    candidate, place = here.candidate, names.index("filter_time")
+    bounded = search.region.given[place :: len(names)].any()
+    high = search.region.starts.low[place :: len(names)].max()
+    for _ in range(FILTER_STEPS if not bounded else 0):
+        theta = candidate.theta.copy()
+        theta[place :: len(names)] = np.maximum(theta[place :: len(names)], high)
+        longer = search.exact.measure(theta, candidate.value)
+        if longer.value <= candidate.value + PROOF_COSTS and search.accepts(theta):
+            there, worse = _judged(specification, search, longer)
+            sound = worse is None and _above(search, longer, there) <= ABOVE
+            return there if sound and _proven(there) else None
+        high -= math.log(FILTER_STEP)
+    return None
+
+
+def _proven(here: Settled) -> bool:
+    return all(axis.guarantee.status is GuaranteeStatus.PROVEN for axis in here.axes)
 
 
 def _judged(

@@ -325,6 +325,14 @@ def test_a_filter_may_end_far_above_the_search_frequencies(seed):
     assert result.tau_p == pytest.approx(3.56624, rel=1e-5)
 
 
+def test_a_filter_without_end_ends_where_the_proof_follows():
+    """e^-3s/(30s + 1): 4.1367 with no filter at all, which no proof follows."""
+    plant = ParallelPlant(1, TransferFunction((1,), (30, 1), 3), NONE)
+    result = run(plant, kind=ControllerKind.PIDF)
+    assert result.guarantee.status is GuaranteeStatus.PROVEN
+    assert result.tau_p == pytest.approx(4.1367, rel=3e-4)
+
+
 def test_three_groups_are_found_where_they_are_best():
     """n = 5, a = -0.24: (1, 2, 2) gives 18.553, two groups 18.822 at least."""
     result = run(first_order(5, 1, 100, -0.24), Arrangement.BEST)
