@@ -35,6 +35,7 @@ WORTH_IT = 1.0  # per cent that unlike settings must gain to be worth the name
 NOTHING = 1e-4  # per cent, from rounding
 CHIEFLY = 0.6  # share of the weakest direction in one output
 APART = 1.02  # ratio of the two weakest directions from which they are two
+AT_REST = 1e-4  # of the bandwidth: the limit towards the frequency 0, however near a peak was found
 OVERSHOOTS = 0.25
 CALM = 0.15  # estimated overshoot up to which a loop is not simulated
 MOST_ALONE = 4  # different loops that are looked at alone
@@ -130,9 +131,9 @@ def _limited_by(
     plant = case.plant
     if specification.plant.n == 1 or plant.n > MAX_MATRIX_SIZE:
         return
-    at = np.array([omega])
-    G = plant.response(at)[0]
-    c = np.array([loop.response(at)[0] for loop in case.loops(tuning.loops)])
+    places = np.array([omega])
+    G = plant.response(places)[0]
+    c = np.array([loop.response(places)[0] for loop in case.loops(tuning.loops)])
     e = np.array(case.performance.output_scale or (1.0,) * plant.n)
     S = np.linalg.inv(np.eye(plant.n) + G * c) * (e / e[:, None])
     directions, sizes, _ = np.linalg.svd(S)
@@ -141,7 +142,10 @@ def _limited_by(
     # Among like directions the weakest is none of them in particular.
     if share[place] >= CHIEFLY and (plant.n == 1 or sizes[0] >= APART * sizes[1]):
         name = "tau_P" if specification.objective is Objective.TAU_P else "mu"
-        where = f"loop {case.units[place] + 1} at {omega:.3g} rad per time unit"
+        tau_p = tuning.tau_p or specification.performance.tau_p
+        slow = tau_p is not None and omega * tau_p < AT_REST
+        at = "at rest" if slow else f"at {omega:.3g} rad per time unit"
+        where = f"loop {case.units[place] + 1} {at}"
         if case.scenarios[0] != 0:
             where += f", in scenario {specification.name_of(case)!r}"
         yield f"{name} is limited by {where}."

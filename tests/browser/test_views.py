@@ -145,7 +145,10 @@ def test_times_are_compared_in_one_unit(watched: Watched) -> None:
             const { rescaled, unitsIn } = await import(units);
             const hours = {
                 plant: { time_constant: 2, gain: 3, process: { num: [4], den: [5, 6, 1] } },
-                uncertainty: { theta: [1, 0.5] }, search: { time_limit: 60 } };
+                uncertainty: { theta: [1, 0.5] }, search: { time_limit: 60 },
+                measured: { omega: [7200] }, space: { A: [[-3600, 7200]], C: [[1, 0]] },
+                as_found: { proportional_gain: 2, integral_gain: 720, derivative_gain: 3 },
+                spread: { dead_time: 0.3, time_constant: 0.2 }, resolution: { time: 0.5 } };
             return [unitsIn("h", "s"), unitsIn("min", "weeks"), unitsIn("weeks", "weeks"),
                     rescaled(hours, unitsIn("h", "s"))];
         }"""
@@ -161,6 +164,11 @@ def test_times_are_compared_in_one_unit(watched: Watched) -> None:
         },
         "uncertainty": {"theta": [3600, 1800]},
         "search": {"time_limit": 60},
+        "measured": {"omega": [2]},
+        "space": {"A": [[-1, 2]], "C": [[1, 0]]},
+        "as_found": {"proportional_gain": 2, "integral_gain": 0.2, "derivative_gain": 10800},
+        "spread": {"dead_time": 0.3, "time_constant": 0.2},
+        "resolution": {"time": 1800},
     }
 
 

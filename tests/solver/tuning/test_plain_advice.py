@@ -10,6 +10,7 @@ from solver.model.plants import MatrixPlant, ParallelPlant, first_order
 from solver.model.transfer_function import TransferFunction
 from solver.model.weights import Performance, Uncertainty
 from solver.robustness.axis import proven_peaks
+from solver.tuning.plain_advice import plain_advice
 from solver.tuning.scenarios import Scenario
 from solver.tuning.specification import Arrangement, Specification
 from solver.tuning.spread import Spread
@@ -59,8 +60,12 @@ def test_unit_that_limits_is_the_slow_one() -> None:
         [TransferFunction([1], [10, 1], 1), TransferFunction([0.01], [10, 1])],
         [TransferFunction([0.01], [10, 1]), TransferFunction([1], [10, 1], 8)],
     ]
-    (sentence,) = said(replace(TASK, plant=MatrixPlant(rows)), "is limited by")
-    assert "loop 2" in sentence
+    task = replace(TASK, plant=MatrixPlant(rows), starts=2)
+    found = tune(task)
+    (sentence,) = [each for each in found.advice if "is limited by" in each]
+    assert "loop 2 at" in sentence
+    (case,) = task.cases(((0,), (1,)))
+    assert "tau_P is limited by loop 2 at rest." in plain_advice(task, found, case, 1e-12)
 
 
 def test_advice_is_that_of_the_scenario_that_decides() -> None:
