@@ -52,6 +52,7 @@ CLOSER, LEAST_ERROR = 4.0, 1e-9  # where already the first is too large, down to
 HALVINGS = 6  # of the last doubling: to a hundredth of the error, or 1.5e-4 of the value
 LOWER = 1e-4  # of the grid's low end: a direction near singular is slower than anything else
 PER_DECADE = 8
+WORK = 100_000  # steps of the proof of stability, for the plant as given times the parameters
 THINNED = 2  # of the grid, where a proof confirms what it finds
 # Loops of a matrix plant whose elements are looked at one by one, in all or by their gains alone;
 # what is left changes in all elements together.
@@ -84,7 +85,8 @@ class ModelTolerance:
 
     Both are proven to hold at the errors told, over all frequencies. They are sought on a grid of
     frequencies, at errors that double from one to the next; where the proof denies what that finds,
-    at such errors by proof. Where the plant as given is beyond the proof the grid alone decides.
+    at such errors by proof. Where the plant as given is beyond the proof, or so near the edge of
+    stability that its proof takes too many steps, the grid alone decides.
 
     """
 
@@ -120,12 +122,13 @@ def model_tolerances(
     given = sampled.at(None, 1.0)
     met = given.peak <= 1
     proof = ProvenDemand(performance, tuple(loops), float(omega[0]), float(omega[-1]))
-    provable = proof.holds(plant) == (True, met)
+    every = tuple(parameters(plant))
+    provable = proof.holds(plant, WORK // max(len(every), 1)) == (True, met)
     if provable:  # the grid need only tell where to prove
         sampled = _SampledLoop.of(plant, performance, loops, grid[::THINNED])
         given = sampled.at(None, 1.0)
     found = []
-    for parameter in parameters(plant):
+    for parameter in every:
 
         def seems(error: float, which: int, parameter: Parameter = parameter) -> bool:
             here = sampled.at(parameter, 1 + error)

@@ -14,7 +14,7 @@ from solver.certificate.reduction import settings_of
 from solver.model.errors import MutuneError
 from solver.model.weights import Uncertainty
 from solver.robustness.enclosed_forms import NOMINAL
-from solver.robustness.followed import followed_count
+from solver.robustness.followed import MAX_STEPS, followed_count
 from solver.robustness.march import march
 from solver.robustness.tables import Scratch, Tables, scratch, tables
 
@@ -27,7 +27,7 @@ __all__ = ["ProvenDemand"]
 
 MOST = 12  # different settings: a tenth of a second a plant
 FIRST_STEP, SHORTEST = 0.7, 1e-7  # log(ratio) of the ends of a step
-MAX_STEPS = 2_000
+DEMAND_STEPS = 2_000
 FARTHER, TRIES = 16.0, 12  # ends of the axis that are tried: up to 1e14 beyond the grid
 # The nominal loop knows nothing of the uncertainty.
 ANY = Uncertainty.from_error(0.1, 0.0)
@@ -53,10 +53,10 @@ class ProvenDemand:
     low: float
     high: float
 
-    def holds(self, plant: Plant) -> tuple[bool, bool]:
-        """Whether the loop is proven stable with a plant, and the demand proven too."""
+    def holds(self, plant: Plant, most: int = MAX_STEPS) -> tuple[bool, bool]:
+        """Whether the loop is proven stable with a plant, in `most` steps, and the demand too."""
         compiled = self._compiled(plant)
-        if compiled is None or not self._is_stable(*compiled):
+        if compiled is None or not self._is_stable(*compiled, most):
             return False, False
         return True, self._demand(*compiled)
 
@@ -75,8 +75,8 @@ class ProvenDemand:
         T = tables(loop)
         return T, scratch(T)
 
-    def _is_stable(self, T: Tables, S: Scratch) -> bool:
-        return followed_count(T, S, self.low, self.high) == 0
+    def _is_stable(self, T: Tables, S: Scratch, most: int = MAX_STEPS) -> bool:
+        return followed_count(T, S, self.low, self.high, most) == 0
 
     def _demand(self, T: Tables, S: Scratch) -> bool:
         low, high = self.low, self.high
@@ -100,7 +100,7 @@ def _reached(T: Tables, S: Scratch, low: float, high: float) -> float:
     ones, angles = np.zeros((2, T.controllers)), np.zeros(T.multiplicity.size)
     return float(
         march(
-            T, S, np.array([0.0, 1.0]), ones, low, high, FIRST_STEP, SHORTEST, MAX_STEPS, 1.0,
+            T, S, np.array([0.0, 1.0]), ones, low, high, FIRST_STEP, SHORTEST, DEMAND_STEPS, 1.0,
             NOMINAL, angles, np.empty(0),
         )[0]
     )  # fmt: skip

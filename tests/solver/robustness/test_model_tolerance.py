@@ -19,6 +19,7 @@ from solver.robustness.model_tolerance import (
     parameters,
     tolerance_remark,
 )
+from solver.robustness.proven_demand import ProvenDemand
 from solver.stability.closed_loop import is_stable
 from tests.solver.robustness.unusual_loops import draw
 
@@ -48,6 +49,28 @@ def test_interaction_of_the_published_case_is_what_must_be_known() -> None:
 
     assert nominal(found.demand[1]) <= 1
     assert nominal(1.05 * found.demand[1]) > 1
+
+
+def test_loops_whose_proof_takes_too_long_are_judged_by_the_grid() -> None:
+    """What the proof finds where it is given more steps than the plant is worth."""
+    slow = TransferFunction([0.3], [5, 1])
+    resonant = TransferFunction([1], [1, 0.002, 1], 5)
+    rows = [[resonant, slow], [slow, resonant]]
+    loops, performance = [Controller(1e-4, 0.1)] * 2, Performance(tau_p=1e4)
+    plant, omega = MatrixPlant(rows), np.geomspace(1e-3, 30, 400)
+    low, high = float(omega[0]), float(omega[-1])
+    proof = ProvenDemand(performance, tuple(loops), low, high)
+    assert proof.stable(plant)
+    assert proof.holds(plant, 10) == (False, False)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(ProvenDemand, "stable", lambda *_: pytest.fail("proven all the same"))
+        patch.setattr("solver.robustness.model_tolerance.WORK", 10)
+        by_grid = model_tolerances(plant, performance, loops, omega)
+    by_proof = model_tolerances(plant, performance, loops, omega)
+    for grid, proven in zip(by_grid, by_proof, strict=True):
+        for one, other in zip(grid.stability, proven.stability, strict=True):
+            assert (one is None) is (other is None)
+            assert one is None or one == pytest.approx(other, rel=0.03)
 
 
 def test_the_limit_of_a_dead_time_is_the_delay_margin() -> None:
