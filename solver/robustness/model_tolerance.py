@@ -26,10 +26,12 @@ from solver.model.deviations import (
     depends_on,
     varied,
 )
+from solver.model.errors import MutuneError
 from solver.model.plants import MatrixPlant, ParallelPlant
 from solver.model.transfer_function import TransferFunction
 from solver.mu.structure import sigma_max
 from solver.robustness.proven_demand import ProvenDemand
+from solver.stability.closed_loop import is_stable
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -86,7 +88,8 @@ class ModelTolerance:
     Both are proven to hold at the errors told, over all frequencies. They are sought on a grid of
     frequencies, at errors that double from one to the next; where the proof denies what that finds,
     at such errors by proof. Where the plant as given is beyond the proof, or so near the edge of
-    stability that its proof takes too many steps, the grid alone decides.
+    stability that its proof takes too many steps, the grid decides, and up to three loops, whose
+    resonances may move between its points, a count of the poles beside it.
 
     """
 
@@ -138,10 +141,17 @@ def model_tolerances(
             wrong = parameter.changed(1 + error)
             return not (proof.holds(wrong)[1] if which == DEMAND else proof.stable(wrong))
 
-        sides = [
-            _limits(seems, proven if provable else None, _tried(parameter.name, sign), met=met)
-            for sign in (-1, 1)
-        ]
+        def counted(
+            error: float, which: int, parameter: Parameter = parameter, seems: _IsLost = seems
+        ) -> bool:
+            try:
+                stable = is_stable(parameter.changed(1 + error), loops)
+            except MutuneError:  # its poles cannot be told
+                return True
+            return not stable or (which == DEMAND and seems(error, which))
+
+        checked = proven if provable else counted if plant.n <= MAX_FULLY else None
+        sides = [_limits(seems, checked, _tried(parameter.name, sign), met=met) for sign in (-1, 1)]
         found.append(
             ModelTolerance(
                 parameter.name, parameter.element,

@@ -51,8 +51,8 @@ def test_interaction_of_the_published_case_is_what_must_be_known() -> None:
     assert nominal(1.05 * found.demand[1]) > 1
 
 
-def test_loops_whose_proof_takes_too_long_are_judged_by_the_grid() -> None:
-    """What the proof finds where it is given more steps than the plant is worth."""
+def test_loops_whose_proof_takes_too_long_are_judged_by_counts_of_poles() -> None:
+    """What the proof finds: a time constant moves a resonance between the points of the grid."""
     slow = TransferFunction([0.3], [5, 1])
     resonant = TransferFunction([1], [1, 0.002, 1], 5)
     rows = [[resonant, slow], [slow, resonant]]
