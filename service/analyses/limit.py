@@ -27,7 +27,6 @@ from service.wording import number
 
 __all__ = ["ANALYSIS", "LimitRequest", "LimitResult"]
 
-LOOPS_SHARE = 0.12  # of the time limit, at most, for the loops of the request
 EXAMPLE: dict[str, JsonValue] = {
     "plant": {
         "kind": "first_order",
@@ -166,7 +165,7 @@ class DrawnLimit(Drawn):
 
 def compute(request: LimitRequest, on_progress: OnProgress | None = None) -> dict[str, Any]:
     """Return the limit and the tuned loops."""
-    from solver.limits.comparison import compare_controllers
+    from solver.limits.comparison import LOOPS_SHARE, compare_controllers
     from solver.limits.ending import EnoughError
     from solver.model.state_space import StateSpace as System
     from solver.tuning.record import Progress

@@ -189,6 +189,5 @@ def _leaves(segment: Segment) -> bool:
 
 def _early_rise(segment: Segment, values: NDArray[np.float64], count: int) -> bool:
     """Whether values over the first readings rise or fall visibly."""
-    count = min(count, segment.time.size)
     rise, _ = _rise(segment.time[:count], values[:count])
     return abs(rise) > VISIBLE * float(np.ptp(segment.output))

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from solver.identification.beginning import starts
-from solver.identification.problem import PlantStructure, Start, rows, unit_rows
+from solver.identification.problem import PlantStructure, Start, rows
 from solver.identification.record_checks import check_excitation
 from solver.identification.row_fit import RowFit, refit_row
 from solver.model.errors import InvalidInputError
@@ -53,8 +53,7 @@ class Job:
 
     def units(self) -> list[Row]:
         """Return a row of own input and sum of the others for each unit."""
-        found = unit_rows(self.records, self.begins)
-        return [replace(row, drift=self.drift) for row in found]
+        return rows(self.records, self.begins, PlantStructure.UNITS, drift=self.drift)
 
     def alone(self, index: int) -> Job:
         """Return the job with one record."""

@@ -26,7 +26,6 @@ __all__ = [
     "parallel_row",
     "rows",
     "thinned",
-    "unit_rows",
 ]
 
 
@@ -107,20 +106,20 @@ def rows(
     *,
     drift: bool = False,
 ) -> list[Row]:
-    """Return the rows: one of a parallel plant, else one for each output."""
+    """Return the rows: one of a parallel plant, else one for each output.
+
+    Of units that each have their own elements a row has the own input and the sum of the others.
+    """
     match structure:
         case PlantStructure.PARALLEL:
             found = [parallel_row(records, begins)]
         case PlantStructure.UNITS:
-            found = unit_rows(records, begins)
+            found = [
+                parallel_row(records, begins, [unit]) for unit in range(len(records[0].outputs))
+            ]
         case PlantStructure.MATRIX:
             found = matrix_rows(records, begins)
     return [replace(row, drift=drift) for row in found]
-
-
-def unit_rows(records: Sequence[Record], begins: Sequence[Start]) -> list[Row]:
-    """Return a row of own input and sum of the others for each unit."""
-    return [parallel_row(records, begins, [unit]) for unit in range(len(records[0].outputs))]
 
 
 def thinned(row: Row, readings: int) -> Row:

@@ -10,6 +10,7 @@ import numpy as np
 from solver.identification.elements import Element, ElementKind
 from solver.identification.fitting import fit, split, without_spikes
 from solver.identification.noise import Covariance, covariance
+from solver.identification.problem import thinned
 from solver.identification.row import Row
 from solver.identification.selection import begin, select
 from solver.identification.weighting import coloured, levelled
@@ -140,7 +141,7 @@ def _draw_gains(
 def fit_row(row: Row, allowed: Allowed, limits: TimeLimits) -> RowFit:
     """Return the fit of a row, forms chosen by prediction."""
     row = _first_look(row, limits)
-    thin = _thinned(row)
+    thin = thinned(row, TRIED)
     chosen, unseen = select(thin, allowed, limits)
     if unseen:
         limits = replace(limits, fixed={index: chosen.shapes[index] for index in unseen})
@@ -173,18 +174,13 @@ def refit_row(
 
 def _first_look(row: Row, limits: TimeLimits) -> Row:
     """Return the row without the spikes that stand out from any fit."""
-    rough = begin(_thinned(row), [ElementKind.FIRST] * row.inputs, limits)
+    rough = begin(thinned(row, TRIED), [ElementKind.FIRST] * row.inputs, limits)
     return without_spikes(row, row.solve(rough.kinds, rough.shapes))
-
-
-def _thinned(row: Row) -> Row:
-    step = max(row.readings // TRIED, 1)
-    return replace(row, segments=tuple(segment.thinned(step) for segment in row.segments))
 
 
 def _rescanned(row: Row, solved: Solved, limits: TimeLimits) -> Solved:
     """Return a better fit from other dead times, where there is one: there are several minima."""
-    thin = _thinned(row)
+    thin = thinned(row, TRIED)
     best = solved
     for index, kind in enumerate(solved.kinds):
         if not kind.shape_names or index in limits.fixed:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import contextlib
 import math
-import time
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING
@@ -19,7 +18,7 @@ from solver.limits.record import LimitStatus
 from solver.limits.structure_search import structured_controllers
 from solver.limits.youla import youla_blocks
 from solver.robustness.centralised_curves import central_blocks
-from solver.tuning.compiling import Compiling
+from solver.tuning.clock import Clock
 from solver.tuning.demands import NO_DEMANDS
 from solver.tuning.record import Status
 from solver.tuning.specification import Arrangement, Bounds, ControllerKind, Objective
@@ -36,7 +35,7 @@ if TYPE_CHECKING:
     from solver.tuning.record import Tuning
     from solver.tuning.specification import Specification
 
-__all__ = ["ControllerComparison", "Entry", "Family", "compare_controllers"]
+__all__ = ["LOOPS_SHARE", "ControllerComparison", "Entry", "Family", "compare_controllers"]
 
 LOOPS_SHARE = 0.12  # of the time limit, at most, for each kind of single loops
 BETWEEN_SHARE = 0.7  # of it, at the end of which what lies between is there; the limit has the rest
@@ -202,8 +201,7 @@ class _Deadlines:
     """Ticks that end the work at a share of the time limit; compiling does not count."""
 
     def __init__(self, limit: float | None, tick: Callable[[], None]) -> None:
-        self.start = time.monotonic()
-        self.compiling = Compiling()
+        self.clock = Clock(limit, None, float)
         self.limit = math.inf if limit is None else limit
         self.tick = tick
 
@@ -212,8 +210,7 @@ class _Deadlines:
 
         def tick() -> None:
             self.tick()
-            elapsed = time.monotonic() - self.start - self.compiling.seconds
-            if elapsed > share * self.limit:
+            if self.clock.elapsed > share * self.limit:
                 raise EnoughError
 
         return tick

@@ -30,7 +30,7 @@ from solver.tuning.clock import Clock, OutOfTimeError
 from solver.tuning.demand_checks import BELOW, outcomes, planes
 from solver.tuning.groupings import named_partition
 from solver.tuning.record import SearchSummary, Status, Tuning
-from solver.tuning.relaxing import why_forbidden
+from solver.tuning.relaxing import with_the_demands_named
 from solver.tuning.specification import Arrangement, ControllerKind, Signs
 
 if TYPE_CHECKING:
@@ -81,20 +81,9 @@ def tune_task(
     found = _tune(specification, progress)
     if found.status is not Status.INFEASIBLE or not specification.demands.names:
         return found
-    limit, spent = specification.time_limit, found.search.elapsed_seconds
-
-    def again(other: Specification) -> Tuning | None:
-        nonlocal spent
-        if limit is not None:
-            if spent >= limit:
-                return None
-            other = replace(other, time_limit=limit - spent)
-        tuning = _tune(other, progress)
-        spent += tuning.search.elapsed_seconds
-        return tuning
-
-    reason = why_forbidden(specification.arranged(None), again)
-    return found if reason is None else replace(found, reason=reason)
+    return with_the_demands_named(
+        specification.arranged(None), found, lambda task: _tune(task, progress)
+    )
 
 
 def mixed_controller(loops: Sequence[Controller], mixing: Mixing) -> MatrixPlant:

@@ -47,32 +47,19 @@ def extended(search: GroupingSearch, candidate: Candidate) -> Candidate:
         ]
         if not edges:
             break
+        beyond = candidate.theta.copy()
         for index in edges:
-            search.widen(candidate.theta, index, EXTENSION)
+            beyond[index] = search.widen(candidate.theta, index, EXTENSION)
         # Out there the value changes so little with the setting that a descent which begins at the
         # old bound may end there.
-        farther = search.box.clip(candidate.theta + _outwards(search, candidate.theta, edges))
-        best = candidate
-        for theta in (farther, candidate.theta):
+        for theta in (search.box.clip(beyond), candidate.theta):
             found = search.exact.descend(theta)
-            if found is not None and found.value < best.value - NOTICEABLE:
-                best = found
+            if found is not None and found.value < candidate.value - NOTICEABLE:
+                candidate = found
                 break
-        if best is candidate:
+        else:
             break
-        candidate = best
     return candidate
-
-
-def _outwards(
-    search: GroupingSearch, theta: NDArray[np.float64], edges: list[int]
-) -> NDArray[np.float64]:
-    """Return the move of the parameters `edges` to their new bounds, (m,)."""
-    move = np.zeros_like(theta)
-    for index in edges:
-        low, high = search.box.low[index] - theta[index], search.box.high[index] - theta[index]
-        move[index] = low if -low < high else high
-    return move
 
 
 def remarks(search: GroupingSearch, theta: NDArray[np.float64]) -> list[str]:

@@ -131,9 +131,9 @@ def _limited_by(
     plant = case.plant
     if specification.plant.n == 1 or plant.n > MAX_MATRIX_SIZE:
         return
-    places = np.array([omega])
-    G = plant.response(places)[0]
-    c = np.array([loop.response(places)[0] for loop in case.loops(tuning.loops)])
+    at = np.array([omega])
+    G = plant.response(at)[0]
+    c = np.array([loop.response(at)[0] for loop in case.loops(tuning.loops)])
     e = np.array(case.performance.output_scale or (1.0,) * plant.n)
     S = np.linalg.inv(np.eye(plant.n) + G * c) * (e / e[:, None])
     directions, sizes, _ = np.linalg.svd(S)
@@ -144,8 +144,8 @@ def _limited_by(
         name = "tau_P" if specification.objective is Objective.TAU_P else "mu"
         tau_p = tuning.tau_p or specification.performance.tau_p
         slow = tau_p is not None and omega * tau_p < AT_REST
-        at = "at rest" if slow else f"at {omega:.3g} rad per time unit"
-        where = f"loop {case.units[place] + 1} {at}"
+        where = f"loop {case.units[place] + 1} at "
+        where += "rest" if slow else f"{omega:.3g} rad per time unit"
         if case.scenarios[0] != 0:
             where += f", in scenario {specification.name_of(case)!r}"
         yield f"{name} is limited by {where}."

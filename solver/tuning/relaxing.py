@@ -23,7 +23,9 @@ if TYPE_CHECKING:
     from solver.tuning.record import Tuning
     from solver.tuning.specification import Specification
 
-__all__ = ["why_forbidden"]
+__all__ = ["LEAST_TIME", "with_the_demands_named"]
+
+LEAST_TIME = 1.0  # seconds to find out which demand forbids settings
 
 HALVINGS = 5  # of the way from the limits to values that are met
 STARTS = 2  # of each of these searches: what they miss makes the value larger, not wrong
@@ -33,7 +35,38 @@ DIGITS = 3  # of a value in the sentence, rounded up
 INTEGRITY = "integrity"
 
 
-def why_forbidden(
+def with_the_demands_named(
+    specification: Specification, found: Tuning, tune: Callable[[Specification], Tuning]
+) -> Tuning:
+    """Return an infeasible outcome with the demands that forbid settings, and how far to relax.
+
+    Parameters
+    ----------
+    specification : Specification
+        The task, with demands.
+    found : Tuning
+        What came of it.
+    tune : callable
+        Tunes a task; called while the time limit of the specification lasts.
+
+    """
+    limit, spent = specification.time_limit, found.search.elapsed_seconds
+
+    def again(task: Specification) -> Tuning | None:
+        nonlocal spent
+        if limit is not None:
+            if spent > limit + LEAST_TIME:
+                return None
+            task = replace(task, time_limit=max(limit - spent, LEAST_TIME))
+        tuning = tune(task)
+        spent += tuning.search.elapsed_seconds
+        return tuning
+
+    reason = _why_forbidden(specification, again)
+    return found if reason is None else replace(found, reason=reason, omega=None)
+
+
+def _why_forbidden(
     specification: Specification, tune: Callable[[Specification], Tuning | None]
 ) -> str | None:
     """Return the sentence that names the demands and how far to relax them; None: none is to blame.

@@ -478,15 +478,17 @@ class GroupingSearch:
             )
         )
 
-    def widen(self, theta: NDArray[np.float64], index: int, factor: float) -> None:
-        """Move the bound of one parameter that `theta` is on outwards."""
+    def widen(self, theta: NDArray[np.float64], index: int, factor: float) -> float:
+        """Move the bound of one parameter that `theta` is on outwards, and return it."""
         low, high = self.box.low.copy(), self.box.high.copy()
-        if theta[index] - low[index] < high[index] - theta[index]:
+        lower = theta[index] - low[index] < high[index] - theta[index]
+        if lower:
             low[index] -= math.log(factor)
         else:
             high[index] = min(high[index] + math.log(factor), math.log(LARGEST))
         self.box = replace(self.box, low=low, high=high)
         self._having(self.objective.parts)
+        return float((low if lower else high)[index])
 
     def _having(self, parts: tuple[LoopObjective, ...]) -> None:
         self.objective = Together(parts)

@@ -67,8 +67,14 @@ class Settled:
     @property
     def deciding(self) -> int:
         """Which case has the highest peak; of those that differ by rounding the first one."""
-        tops = [axis.peaks.robust_performance.value for axis in self.axes]
-        return next(i for i, top in enumerate(tops) if top >= max(tops) * (1 - WORSE))
+        enough = self.highest * (1 - WORSE)
+        tops = (axis.peaks.robust_performance.value for axis in self.axes)
+        return next(i for i, top in enumerate(tops) if top >= enough)
+
+    @property
+    def highest(self) -> float:
+        """The highest peak of all cases."""
+        return max(axis.peaks.robust_performance.value for axis in self.axes)
 
 
 def settled(
@@ -155,25 +161,20 @@ def _stepped_back(
         return candidate
     gains = np.zeros(candidate.theta.size)
     gains[:: search.objective.per_controller] = 1.0
-    least = _highest(_looked_at(specification, search, candidate))
-    if least <= math.exp(candidate.value / 2) * (1 + FOOLED):
+    here = _looked_at(specification, search, candidate)
+    if _above(search, candidate, here) <= FOOLED:
         return candidate
-    start = candidate.theta
+    least, start = here.highest, candidate.theta
     for share in BACK:
         theta = search.box.clip(start + math.log1p(-share) * gains)
         if not search.accepts(theta):
             continue
-        top = _highest(_looked_at(specification, search, replace(candidate, theta=theta)))
+        top = _looked_at(specification, search, replace(candidate, theta=theta)).highest
         if top < least:
             least, candidate = top, replace(candidate, theta=theta, value=2 * math.log(top))
         elif candidate.theta is not start:
             break  # further from the edge than serves
     return candidate
-
-
-def _highest(here: Settled) -> float:
-    """Return the highest peak of all cases."""
-    return max(axis.peaks.robust_performance.value for axis in here.axes)
 
 
 def _filtered(
@@ -188,9 +189,10 @@ def _filtered(
     if _proven(here) or "filter_time" not in names:
         return None
     candidate, place = here.candidate, names.index("filter_time")
-    bounded = search.region.given[place :: len(names)].any()
+    if search.region.given[place :: len(names)].any():
+        return None
     high = search.region.starts.low[place :: len(names)].max()
-    for _ in range(FILTER_STEPS if not bounded else 0):
+    for _ in range(FILTER_STEPS):
         theta = candidate.theta.copy()
         theta[place :: len(names)] = np.maximum(theta[place :: len(names)], high)
         longer = search.exact.measure(theta, candidate.value)

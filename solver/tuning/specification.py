@@ -328,19 +328,12 @@ class Specification:
         if plant is self.plant and self.pairing is None:
             return self
         scenarios = tuple(
-            scenario
-            if scenario.plant is None
-            else replace(
-                scenario,
-                plant=_arranged(scenario.plant, self.scan_time, pairing, self.mixing),
+            replace(
+                each,
+                plant=each.plant and _arranged(each.plant, self.scan_time, pairing, self.mixing),
+                uncertainty=each.uncertainty and each.uncertainty.paired(pairing),
             )
-            for scenario in self.scenarios
-        )
-        scenarios = tuple(
-            scenario
-            if scenario.uncertainty is None
-            else replace(scenario, uncertainty=scenario.uncertainty.paired(pairing))
-            for scenario in scenarios
+            for each in self.scenarios
         )
         left = None if self.mixing is None else self.mixing.of_inputs
         spread = self.spread

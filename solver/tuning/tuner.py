@@ -20,7 +20,7 @@ from solver.tuning.groupings import groupings, neighbours
 from solver.tuning.on_data import tune_on_data
 from solver.tuning.pairings import pairings
 from solver.tuning.record import Status
-from solver.tuning.relaxing import why_forbidden
+from solver.tuning.relaxing import LEAST_TIME, with_the_demands_named
 from solver.tuning.report import infeasible, report
 from solver.tuning.search import Freedom
 from solver.tuning.solutions import Solution, Solutions
@@ -38,7 +38,6 @@ if TYPE_CHECKING:
 __all__ = ["tune"]
 
 GRACE = 2.0  # seconds after the end, in which the best so far is made exact
-LEAST_TIME = 1.0  # seconds to find out which demand forbids settings
 WORTH_IT = 1.0  # per cent that asymmetry must gain before 'best' prefers it
 FINER_WORTH_IT = 0.01  # per cent that one more group must gain, more than two optima may differ by
 
@@ -169,21 +168,12 @@ def _told(specification: Specification, found: Tuning) -> Tuning:
 
 def _with_the_demand_named(specification: Specification, found: Tuning) -> Tuning:
     """Return an infeasible outcome with the demands that forbid settings, and how far to relax."""
-    limit, spent = specification.time_limit, found.search.elapsed_seconds
 
-    def again(task: Specification) -> Tuning | None:
-        nonlocal spent
-        if limit is not None:
-            if spent > limit + LEAST_TIME:
-                return None
-            task = replace(task, time_limit=max(limit - spent, LEAST_TIME))
+    def again(task: Specification) -> Tuning:
         on_data = isinstance(task.plant, MeasuredPlant)
-        tuning = tune_on_data(task) if on_data else _Run(task, None).result()
-        spent += tuning.search.elapsed_seconds
-        return tuning
+        return tune_on_data(task) if on_data else _Run(task, None).result()
 
-    reason = why_forbidden(specification, again)
-    return found if reason is None else replace(found, reason=reason, omega=None)
+    return with_the_demands_named(specification, found, again)
 
 
 def _forbidden(specification: Specification) -> Impossibility | None:
