@@ -38,7 +38,6 @@ EXAMPLE: dict[str, JsonValue] = {
     "uncertainty": {"epsilon": 0.2, "theta": 1.0},
     "controller": {"kind": "PI", "arrangement": "identical"},
     "objective": "tau_p",
-    "search": {"time_limit": 10.0},
 }
 _PEAKS = dict.fromkeys(
     ("robust_performance", "robust_stability", "nominal_performance"), PEAK_EXAMPLE

@@ -40,8 +40,8 @@ def compute(connection):
     for name in registry.names():
         analysis = registry.load(name)
         (example,) = analysis.request.model_json_schema()["examples"]
-        if "search" in example:  # a limit looks at all that it may need within this time
-            example = {**example, "search": {**example["search"], "time_limit": 2}}
+        if name == "limit":  # what it computes with is loaded before its time is up
+            example = {**example, "search": {"time_limit": 2}}
         analysis.compute(analysis.request.model_validate_json(json.dumps(example)))
         missing[name] = sorted(set(held()) - set(before))
     connection.send([before, missing])
