@@ -135,7 +135,7 @@ def _alternative(entry: Entry, reference: float | None) -> dict[str, Any]:
 
 
 def _verdict(document: dict[str, Any], objective: str, reason: str | None) -> str:
-    """Return the comparison in a sentence, from the numbers that stand beside it."""
+    """Return the comparison in words, a line each, from the numbers that stand beside it."""
     values = {each["family"]: each["value"] for each in document["alternatives"]}
     loops = _listed(values, ("identical_pi", "unlike_pi", "unlike_pid", "unlike_pidf"))
     between = _listed(
@@ -143,27 +143,24 @@ def _verdict(document: dict[str, Any], objective: str, reason: str | None) -> st
     )
     out_of_time = [each["family"] for each in document["alternatives"] if each["time_limit"]]
     within = " within the time" if out_of_time or not document["alternatives"] else ""
-    parts = [
-        f"Single loops reach {SYMBOLS[objective]} = {loops}" if loops
-        else f"No single loops were found{within} that meet the demand"
+    lines = [
+        f"Single loops: {SYMBOLS[objective]} = {loops}." if loops
+        else f"Single loops: none were found{within} that meet the demand."
     ]  # fmt: skip
     if between:
-        parts.append(f"structures in between reach {between}")
+        lines.append(f"In between: {between}.")
     bound = document["lower_bound"]["value"]
-    below = [f"nothing linear can go below {number(bound)}"] if bound else []
+    below = f"; nothing linear can go below {number(bound)}" if bound else ""
     if document["limit"] is None:
-        return "; ".join([*parts, reason or "no limit was found", *below]) + "."
+        return "\n".join([*lines, f"Any controller: {reason or 'no limit was found'}{below}."])
     built = values.get("multivariable")
-    if not built:
-        parts.append("no multivariable controller was built")
-    else:
+    reached = "none was built"
+    if built:
         ratios = {each["family"]: each["ratio"] for each in document["alternatives"]}
-        parts.append(
-            f"a multivariable controller that can be built reaches {number(built)}"
-            + _against(ratios["multivariable"], objective)
-        )
-    any_order = f"of any order, {number(document['limit'])} was found"
-    return "; ".join([*parts, " and ".join([any_order, *below])]) + "."
+        reached = f"{number(built)} as built" + _against(ratios["multivariable"], objective)
+    lines.append(f"Multivariable controller: {reached}.")
+    lines.append(f"Any controller, of any order: {number(document['limit'])} was found{below}.")
+    return "\n".join(lines)
 
 
 def _against(share: float | None, objective: str) -> str:

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from service.loop_tags import Tags, cell_tagged, tagged
 from service.schemas.peaks import Guarantee, Peaks
 from service.wording import forms, guarantee_text, number, unit_of
 from solver.model.controllers import Controller
@@ -22,6 +23,7 @@ __all__ = [
     "form_parts",
     "in_unit",
     "matrix",
+    "named_loops",
     "peaks_grid",
     "proof_lines",
     "warning_lines",
@@ -73,6 +75,8 @@ _DURATIONS = frozenset(
     | {"half period", "dead time"}
 )
 _RATES = frozenset({"bandwidth", "ωu"})
+_OF_LOOPS = frozenset({"loop", "loops", "Loop", "worst with units", "settings of output"})
+_SETTING_TIME = re.compile(r", (?:integral|derivative|filter) time$")  # in ranges, a line each
 _PARAMETERS = frozenset(  # in cells, a line each
     {"time constant", "time constant sum", "first time constant", "second time constant"}
     | {"dead time"}
@@ -98,12 +102,38 @@ def in_unit(parts: Sequence[Part], unit: str | None) -> Sequence[Part]:
         return text + unit_of(text, unit) if text in _TIMES else named(text)
 
     def cells(row: Sequence[str]) -> list[str]:
-        return [f"{cell}, {unit}" if cell in _PARAMETERS else cell for cell in row]
+        return [
+            f"{cell}, {unit}" if cell in _PARAMETERS or _SETTING_TIME.search(cell) else cell
+            for cell in row
+        ]
 
     return [
         Line(named(part.text), part.style)
         if isinstance(part, Line)
         else Grid([*map(head, part.heads)], [*map(cells, part.rows)], part.left)
+        for part in parts
+    ]
+
+
+def named_loops(parts: Sequence[Part], tags: Tags) -> Sequence[Part]:
+    """Return the same parts with loops by their tags, where they have some."""
+    if not tags:
+        return parts
+
+    def row(heads: Sequence[str], cells: Sequence[str]) -> list[str]:
+        return [
+            cell_tagged(cell, tags) if head in _OF_LOOPS else tagged(cell, tags)
+            for head, cell in zip(heads, cells, strict=True)
+        ]
+
+    return [
+        Line(tagged(part.text, tags), part.style)
+        if isinstance(part, Line)
+        else Grid(
+            [tagged(head, tags) for head in part.heads],
+            [row(part.heads, cells) for cells in part.rows],
+            part.left,
+        )
         for part in parts
     ]
 

@@ -17,7 +17,7 @@ from service.schemas.given_loops import EXAMPLE, GivenLoops, LoopsTask
 from service.schemas.integral_controllability import IntegralControllability
 from service.schemas.peaks import Guarantee, Peak
 from service.wording import number
-from solver.model.loop_names import units_text
+from solver.model.loop_names import loops_text
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -175,7 +175,7 @@ def compute(request: IntegrityRequest) -> dict[str, Any]:
 def table(result: IntegrityResult) -> list[Part]:
     """Return the kinds of sets of loops in service, and what detuning does."""
     heads = [
-        *(f"in service of {units_text(group)}" for group in result.groups),
+        *(f"in service of {loops_text(group)}" for group in result.groups),
         "sets",
         "stable",
         "robust stability",

@@ -133,7 +133,8 @@ class LimitResult(ResultModel):
         examples=[[]],
     )
     verdict: str = Field(
-        description="All of it in a sentence.", examples=["Single PI loops reach tau_p = 18.4."]
+        description="All of it in words, a line for each kind of controller.",
+        examples=["Single loops: τP = 18.446 (unlike PI)."],
     )
     peaks: Peaks | None = Field(
         description="Peaks of the multivariable controller, as in it; null without one.",
@@ -230,7 +231,7 @@ def time_limit(request: LimitRequest) -> float:
 
 def table(result: LimitResult) -> list[Part]:
     """Return the verdict, the table and the peaks."""
-    parts: list[Part] = [Line(result.verdict, "strong")]
+    parts: list[Part] = [Line(text, "strong") for text in result.verdict.splitlines()]
     built = result.multivariable
     rows = [
         (NAMES[each.family], _text(each.value), _text(each.ratio), *_manual(each))

@@ -16,6 +16,7 @@ from service.analysis import compute
 from service.cli.handing_on import in_unit, requested
 from service.cli.interruption import Stopping
 from service.cli.outcomes import ExitCode, read_input, reported
+from service.loop_tags import tags_of
 from service.problems import NumbersError
 from service.schemas.parsing import Fault, RequestError
 
@@ -64,7 +65,10 @@ def analyse_file(name: str, path: Path, *, as_json: bool, time_unit: str | None 
     else:
         from service.cli.console import show  # noqa: PLC0415 - needed for people alone
 
-        show(analysis.table(result), request.time_unit)
+        # One entry may be for all loops: it names none of them.
+        several = len(request.instruments or ())
+        tags = tags_of(request, several) if several > 1 else ()
+        show(analysis.table(result), request.time_unit, tags)
     if stopping.wanted:
         return ExitCode.INTERRUPTED
     failed = analysis.fails is not None and analysis.fails(result)

@@ -9,16 +9,17 @@ from rich.console import Console, Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from service.printing import Line, Part, in_unit
+from service.loop_tags import Tags
+from service.printing import Line, Part, in_unit, named_loops
 
 __all__ = ["show", "to_rich"]
 
 _STYLES = {"plain": "", "strong": "bold", "alarm": "bold red", "warning": "yellow"}
 
 
-def show(parts: Sequence[Part], unit: str | None = None) -> None:
-    """Print `parts` on standard output, times in `unit` where it has a name."""
-    Console().print(to_rich(in_unit(parts, unit)))
+def show(parts: Sequence[Part], unit: str | None = None, tags: Tags = ()) -> None:
+    """Print `parts` on standard output, times in `unit`, loops by `tags`, where those are named."""
+    Console().print(to_rich(named_loops(in_unit(parts, unit), tags)))
 
 
 def to_rich(parts: Sequence[Part]) -> RenderableType:

@@ -87,7 +87,7 @@ def _ranges(result: TuningResult, near: SettingsTolerance) -> list[Part]:
     """Return how far settings may be moved."""
     parts: list[Part] = [
         Line(tolerance_text(near)),
-        Grid(("", "from", "now", "to"), range_rows(result)),
+        Grid(("", "least", "now", "most"), range_rows(result)),
     ]
     together = together_text(result)
     return parts if together is None else [*parts, Line(together)]
@@ -203,6 +203,6 @@ def _sentences(result: TuningResult) -> Iterator[str]:
     if optimality is not None:
         yield optimality
     if result.limit is not None:
-        yield result.limit.verdict
+        yield from result.limit.verdict.splitlines()
     if result.integrity is not None:
         yield f"{result.integrity[0].upper()}{result.integrity[1:]}."

@@ -15,6 +15,7 @@ from service.cli.handing_on import in_unit
 from service.cli.interruption import Stopping
 from service.cli.outcomes import ExitCode, exit_code_of, read_input, reported, say
 from service.cli.tables import tuning_table
+from service.loop_tags import tags_of
 from service.schemas import TuningRequest, TuningResult, parse_tuning_request
 from service.tuned import RequestedTuning
 from service.valves import finished
@@ -79,7 +80,8 @@ def tune_file(
         asked = request.model_dump(mode="json", exclude_unset=True)
         print(json.dumps({**document, "request": asked}, allow_nan=False))  # noqa: T201 - asked for
     else:
-        show(tuning_table(result, interrupted=stopping.wanted), request.time_unit)
+        tags = tags_of(request, request.build().plant.n)
+        show(tuning_table(result, interrupted=stopping.wanted), request.time_unit, tags)
     if report is not None:
         from service.report.document import report_html  # noqa: PLC0415 - imports Plotly
 

@@ -11,6 +11,7 @@ from service import simulations
 from service.figures.frequency import controllers, sensitivity, tuned_mu
 from service.figures.responses import tuned_response
 from service.figures.search import landscape
+from service.loop_tags import figure_tagged, tags_of
 from service.tuned import MIXED, RequestedTuning
 from solver.model.errors import InvalidInputError
 from solver.simulation.directions import difficult_direction, easy_direction
@@ -37,6 +38,7 @@ def tuning_figures(tuned: RequestedTuning) -> TuningFigures:
     """
     figures: dict[str, go.Figure] = {}
     omitted: dict[str, str] = {}
+    tags = tags_of(tuned.request, tuned.plant.n)
     for name, draw in _DRAWN.items():
         if not tuned.settings:
             continue
@@ -44,7 +46,7 @@ def tuning_figures(tuned: RequestedTuning) -> TuningFigures:
             omitted[name] = MIXED
             continue
         try:
-            figures[name] = draw(tuned)
+            figures[name] = figure_tagged(draw(tuned), tags)
         except InvalidInputError as error:
             omitted[name] = error.message
     if tuned.result.search.local_optima:

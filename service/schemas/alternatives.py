@@ -113,6 +113,6 @@ class Alternatives(ResultModel):
         description="One entry for each kind of controller.", examples=[[]]
     )
     verdict: str = Field(
-        description="All of it in a sentence.",
-        examples=["Single loops reach tau_p = 18.4 (PI) ..."],
+        description="All of it in words, a line for each kind of controller.",
+        examples=["Single loops: τP = 18.446 (unlike PI)."],
     )

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from service.loop_tags import called, tags_of
 from service.schemas.fields import Instrument
 from service.tuned import RequestedTuning, Setting
 from solver.model.controllers import Controller
-from solver.model.loop_names import loops_text
 
 __all__ = ["instrument_of", "loops_name", "unlike", "with_unit"]
-
-_LISTED = 3  # tags that are told one by one
 
 
 def instrument_of(tuned: RequestedTuning, unit: int) -> Instrument:
@@ -43,8 +41,4 @@ def with_unit(tuned: RequestedTuning, words: str, signal: str) -> str:
 
 def loops_name(tuned: RequestedTuning, units: Sequence[int]) -> str:
     """Return ``TIC-101, TIC-103``, ``TIC-101 to TIC-106`` or, without tags, ``loops 1-6``."""
-    tags = [tag for unit in units if (tag := instrument_of(tuned, unit).tag)]
-    if len(tags) < len(units):
-        return loops_text(units)
-    together = list(units) == list(range(units[0], units[0] + len(units)))
-    return f"{tags[0]} to {tags[-1]}" if len(tags) > _LISTED and together else ", ".join(tags)
+    return called(units, tags_of(tuned.request, tuned.plant.n))

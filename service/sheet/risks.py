@@ -7,13 +7,13 @@ stand in the result.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
+from service.loop_tags import tagged, tags_of
 from service.schemas.model_tolerance import ModelTolerance as Archived
 from service.schemas.sheet import Topic
 from service.sheet.naming import instrument_of, loops_name
@@ -45,7 +45,6 @@ _OVERSHOOTS = 0.3  # of a set-point step: worth a word
 _PLENTY = 10.0  # times the demand's time constant in which a loop in service alone is looked at
 _TOLD = "Identical settings suffice"  # in advice, and here in the user's unit
 _DIGITS = (2, 3, 4, 5)
-_LOOPS = re.compile(r"\bloops? (?P<first>\d+)(?:-(?P<last>\d+))?\b(?!,? \d|, \.\.\.)")  # in advice
 _KEPT = 1.01  # of the peak of mu: what rounded settings may cost
 
 
@@ -96,15 +95,9 @@ def risks(
 def _sentence(text: str, tuned: RequestedTuning) -> str:
     """Return a sentence of the solver with the symbols, unit and tags that people read."""
     text = in_symbols(text.removesuffix("."), tuned.unit)
-    tagged = _LOOPS.sub(lambda found: _named(found, tuned), text)
-    first = tagged[:1].upper() if tagged[:1].isascii() else tagged[:1]
-    return f"{first}{tagged[1:]}."
-
-
-def _named(found: re.Match[str], tuned: RequestedTuning) -> str:
-    first = int(found["first"]) - 1
-    units = range(first, int(found["last"] or found["first"]))
-    return loops_name(tuned, units) if units and units[-1] < tuned.plant.n else found[0]
+    named = tagged(text, tags_of(tuned.request, tuned.plant.n))
+    first = named[:1].upper() if named[:1].isascii() else named[:1]
+    return f"{first}{named[1:]}."
 
 
 def _demand(tuned: RequestedTuning, robustness: Robustness) -> Iterator[Said]:

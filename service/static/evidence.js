@@ -4,7 +4,7 @@ import { request } from "./api.js";
 import { button, card, copy, csv, download, h, help, put, table } from "./dom.js";
 import { segments } from "./fields.js";
 import { figuresOf, showFigures, waiting } from "./figures.js";
-import { duration, label, loopsOf, number, plain, sentence, timed, timeUnit, unitText } from "./format.js";
+import { duration, label, loopsOf, number, plain, sentence, tagged, timed, timeUnit, unitText } from "./format.js";
 import { operation, resolve } from "./schema.js";
 
 const FORMS = ["cascade", "ideal", "parallel"];
@@ -18,10 +18,10 @@ export function evidence(job, name) {
     h("summary", {}, found ? "Evidence: peaks of μ, curves, local optima, proof, request" : "What was asked"), inside);
   fold.addEventListener("toggle", () => {
     if (!fold.open || inside.hasChildNodes()) return;
-    if (!found) return put(inside, result.as_found && today(result), asked(job, name));
+    if (!found) return put(inside, result.as_found && today(job), asked(job, name));
     const figures = h("div", { class: "figures" }, waiting(4));
     put(inside, h("div", { class: "cards" }, result.peaks && peaks(result.peaks), settings(job),
-      result.settings_tolerance && ranges(job), result.as_found && today(result),
+      result.settings_tolerance && ranges(job), result.as_found && today(job),
       result.certificate && certificate(job, name), asked(job, name)), figures);
     showFigures(figures, figuresOf(id), name);
   });
@@ -50,12 +50,12 @@ function ranges({ request: { instruments }, result: { settings_tolerance: near, 
     help(`Each alone, before μ exceeds ${number(near.mu)} at τₚ = ${timed(near.tau_p)}.`));
 }
 
-/** Today's settings beside these. @param {any} result */
-function today({ as_found: old, peaks: now, tau_p: tau }) {
+/** Today's settings beside these. @param {any} job */
+function today({ request: { instruments }, result: { as_found: old, peaks: now, tau_p: tau } }) {
   const rows = [["Time constant τₚ", number(old.tau_p), number(tau)], ...Object.keys(now ?? {}).map((name) =>
     [label(name), number(old.peaks?.[name].value), number(now[name].value)])];
   return card("Today's settings", table("Today's settings beside these", ["", "today", "found"], rows),
-    old.reason && help(plain(sentence(old.reason))));
+    old.reason && help(tagged(plain(sentence(old.reason)), instruments)));
 }
 
 /** @param {string} key of a controller's form */

@@ -2,7 +2,7 @@
 
 import { request } from "./api.js";
 import { h, help, put } from "./dom.js";
-import { label, namedUnit, timeUnit } from "./format.js";
+import { label, namedUnit, tagged, timeUnit } from "./format.js";
 
 const LEGEND = 30; // pixels: room for a legend of one line, which the figures come with
 
@@ -61,11 +61,11 @@ export const waiting = (count) => Array.from({ length: count }, () =>
  * Fetch figures and draw them; what fails is told in their place.
  * @param {HTMLElement} place @param {Promise<Figures>} answer @param {string} name of the files saved
  */
-export async function showFigures(place, answer, name) {
+export async function showFigures(place, answer, name, tags = /** @type {any[] | null} */ (null)) {
   place.setAttribute("aria-busy", "true");
   if (!place.hasChildNodes()) put(place, waiting(1));
   try {
-    await drawFigures(place, await answer, name);
+    await drawFigures(place, await answer, name, tags);
   } catch (error) {
     if (place.isConnected) put(place, h("p", { class: "error" }, /** @type {Error} */ (error).message));
   }
@@ -75,12 +75,16 @@ export async function showFigures(place, answer, name) {
 /**
  * Draw figures one after another, so that the page stays usable meanwhile.
  * @param {HTMLElement} place @param {Figures} answer @param {string} name of the files saved
+ * @param {any[] | null} [tags] of loops that are counted
  */
-export async function drawFigures(place, { templates, figures, omitted }, name) {
+export async function drawFigures(place, { templates, figures, omitted }, name, tags) {
   const frames = Object.entries(figures).map(([kind, figure]) => {
     const plot = h("div", { class: "plot" });
     plot.style.minHeight = `${figure.layout.height}px`;
-    const { title, description } = figure.layout.meta;
+    const [title, description] = ["title", "description"].map((key) => tagged(figure.layout.meta[key], tags));
+    for (const trace of figure.data) for (const key of ["name", "legendgroup"]) {
+      if (trace[key]) trace[key] = tagged(trace[key], tags);
+    }
     const node = h("figure", { class: "card", "data-figure": kind },
       h("figcaption", {}, h("h2", {}, title), help(description)), plot);
     return { kind, figure, plot, node };

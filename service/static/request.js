@@ -105,7 +105,7 @@ export async function requestView({ main, signal, go }, path, from) {
         put(outcome, h("p", { class: "busy" }, "Computing …"));
         const [{ answered }, answer] = await Promise.all([
           import("./answer.js"), request("POST", path, { body, signal })]);
-        put(outcome, answered(op, answer));
+        put(outcome, answered(op, answer, body.instruments));
         outcome.scrollIntoView({ block: "start" });
       }
     } catch (error) {

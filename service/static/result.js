@@ -6,7 +6,7 @@ import { evidence } from "./evidence.js";
 import { handOver } from "./hand_over.js";
 import { inUnit } from "./figures.js";
 import { picture } from "./picture.js";
-import { number, plain, sentence, timed, timeUnit, unitTag, unitText } from "./format.js";
+import { loopsOf, number, plain, sentence, tagged, timed, timeUnit, unitTag, unitText } from "./format.js";
 import { furtherOf, openAs } from "./offers.js";
 import { sheet } from "./sheet.js";
 import { plantFormula } from "./symbols.js";
@@ -28,8 +28,9 @@ export function resultView(body, job) {
   const { result } = job;
   const found = result.loops.length > 0;
   const name = fileName(job.id);
+  const signals = job.request.instruments;
   if (!found) {
-    const warnings = result.warnings.map((text) => h("li", {}, plain(sentence(text))));
+    const warnings = result.warnings.map((text) => h("li", {}, said(text, signals)));
     put(body, infeasible(job), warnings.length > 0 && h("section", { class: "card warning" }, h("ul", {}, warnings)),
       actions(job, found), evidence(job, name));
     return;
@@ -63,8 +64,10 @@ function headline({ result, status, request: asked }) {
     h("p", {}, what, " for every plant within the uncertainty."),
     CUT[status] && h("p", { class: "doubt" }, CUT[status], " A whole search may find better ones."),
     result.comparison && gain(result), result.optimality && limit(result.optimality),
-    result.limit && h("p", {}, plain(result.limit.verdict), byTime && ` Times in ${timeUnit()}.`),
-    guaranteed(result.guarantee), scenarios(result), result.integrity && help(sentence(result.integrity)),
+    result.limit && h("ul", {}, result.limit.verdict.split("\n").map((line) => h("li", {}, plain(line))),
+      byTime && h("li", {}, `Times in ${timeUnit()}.`)),
+    guaranteed(result.guarantee, asked.instruments), scenarios(result, asked.instruments),
+    result.integrity && help(said(result.integrity, asked.instruments)),
     plate(asked));
 }
 
@@ -79,23 +82,26 @@ function plate({ plant, uncertainty: { epsilon, theta }, performance: { max_peak
     picture(plant), plantFormula(plant), help(`${errors}Permitted peak of the sensitivity: M = ${number(peak)}.`));
 }
 
-/** What each scenario makes of the settings. @param {any} result */
-function scenarios({ scenarios: found, active, spread }) {
+/** A sentence of the service as people read it here. @param {string} text @param {any[] | null} signals */
+const said = (text, signals) => tagged(plain(sentence(text)), signals);
+
+/** What each scenario makes of the settings. @param {any} result @param {any[] | null} signals */
+function scenarios({ scenarios: found, active, spread }, signals) {
   if (!found?.length) return null;
   const proof = spread?.proof;
-  const told = proof && help(proof.reason ? `Not all plants of the spread are proven: ${plain(sentence(proof.reason))}`
+  const told = proof && help(proof.reason ? `Not all plants of the spread are proven: ${said(proof.reason, signals)}`
     : `Every plant of the spread is proven: μ is at most ${number(proof.level, 5)}.`);
   return h("div", {}, h("ul", {}, found.map(({ name, in_service: units, sets, tau_p: own, peaks }) => h("li", {},
     h("strong", {}, name), name === active ? " decides" : "", `: μ ${number(peaks.robust_performance.value)}`,
     own ? `, alone ${timed(own)}` : "",
-    sets > 1 ? `, worst of ${sets} sets: units ${units.map((unit) => unit + 1).join(", ")}` : ""))), told);
+    sets > 1 ? `, worst of ${sets} sets: ${loopsOf(units, signals ?? [])} in service` : ""))), told);
 }
 
-/** @param {any} guarantee */
-function guaranteed(guarantee) {
+/** @param {any} guarantee @param {any[] | null} signals */
+function guaranteed(guarantee, signals) {
   if (!guarantee) return null;
   return help(guarantee.status === "proven" ? `Proven: μ is at most ${number(guarantee.level, 5)} at every frequency.`
-    : `Not proven over all frequencies: ${plain(sentence(guarantee.reason))}`);
+    : `Not proven over all frequencies: ${said(guarantee.reason, signals)}`);
 }
 
 /** How much better any settings can be. @param {any} proof */
@@ -132,7 +138,7 @@ function infeasible({ id, result: { reason, omega }, request: asked }) {
     h("a", { href: "#/analyses/parallel-drives" }, "Parallel drives"), " tells what to do.");
   const advice = worst >= 1 ? slips(asked, worst) : omega === 0 ? [AT_REST, anew] : ADVICE;
   return h("section", { class: "card hero missed" }, h("h2", {}, "No settings meet this demand"),
-    large, h("p", {}, plain(sentence(reason))), where,
+    large, h("p", {}, said(reason, asked.instruments)), where,
     h("h3", {}, "What to try"), h("ul", {}, [...advice, drives].map((one) =>
       (typeof one === "string" ? h("li", {}, one) : one))));
 }

@@ -178,10 +178,13 @@ def test_texts_count_loops_from_one(watched: Watched) -> None:
     found = watched.page.evaluate(
         """async () => {
             const { src } = document.querySelector("script[type=module]");
-            const { loopsOf, plain } = await import(src.replace("main.js", "format.js"));
+            const page = await import(src.replace("main.js", "format.js"));
+            const { loopsOf, plain, tagged, taggedCell } = page;
             const signals = ["A", "B", "C", "D", "E"].map((tag) => ({ tag }));
             return [plain("Units (from 0) in service."), plain("these from 0.2192 on, from 0 to 1"),
-                    loopsOf([0, 1, 2, 3], signals), loopsOf([0, 4], signals)];
+                    loopsOf([0, 1, 2, 3], signals), loopsOf([0, 4], signals),
+                    tagged("Loops 1, 3 and 5 bind, 'loop 1 out' too, 2 loops 3 times", signals),
+                    tagged("With loop 2 in manual; loop 6", signals), taggedCell("1-2", signals)];
         }"""
     )
     assert found == [
@@ -189,6 +192,9 @@ def test_texts_count_loops_from_one(watched: Watched) -> None:
         "these from 0.2192 on, from 0 to 1",
         "A to D",
         "A, E",
+        "A, C, E bind, 'loop 1 out' too, 2 loops 3 times",
+        "With B in manual; loop 6",
+        "A, B",
     ]
 
 
