@@ -175,7 +175,7 @@ def compute(request: IntegrityRequest) -> dict[str, Any]:
 def table(result: IntegrityResult) -> list[Part]:
     """Return the kinds of sets of loops in service, and what detuning does."""
     heads = [
-        *(f"in service of {loops_text(group)}" for group in result.groups),
+        *(f"in auto: {loops_text(group)}" for group in result.groups),
         "sets",
         "stable",
         "robust stability",
