@@ -3,8 +3,9 @@
 import { request } from "./api.js";
 import { button, download, h, put, table } from "./dom.js";
 import { figuresOfAnswer, inUnit, showFigures } from "./figures.js";
-import { tagged, taggedCell, unitText } from "./format.js";
+import { unitText } from "./format.js";
 import { exists } from "./schema.js";
+import { tagged, taggedCell } from "./tags.js";
 
 /** @param {Operation} op @param {any} answer */
 export function answered({ name, summary }, answer, signals = /** @type {any[] | null} */ (null)) {

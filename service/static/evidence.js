@@ -4,8 +4,9 @@ import { request } from "./api.js";
 import { button, card, copy, csv, download, h, help, put, table } from "./dom.js";
 import { segments } from "./fields.js";
 import { figuresOf, showFigures, waiting } from "./figures.js";
-import { duration, label, loopsOf, number, plain, sentence, tagged, timed, timeUnit, unitText } from "./format.js";
+import { duration, label, loopsOf, number, plain, sentence, timed, timeUnit, unitText } from "./format.js";
 import { operation, resolve } from "./schema.js";
+import { tagged } from "./tags.js";
 
 const FORMS = ["cascade", "ideal", "parallel"];
 

@@ -2,7 +2,8 @@
 
 import { request } from "./api.js";
 import { h, help, put } from "./dom.js";
-import { label, namedUnit, tagged, timeUnit } from "./format.js";
+import { label, namedUnit, timeUnit } from "./format.js";
+import { tagged } from "./tags.js";
 
 const LEGEND = 30; // pixels: room for a legend of one line, which the figures come with
 

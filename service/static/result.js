@@ -6,10 +6,11 @@ import { evidence } from "./evidence.js";
 import { handOver } from "./hand_over.js";
 import { inUnit } from "./figures.js";
 import { picture } from "./picture.js";
-import { loopsOf, number, plain, sentence, tagged, timed, timeUnit, unitTag, unitText } from "./format.js";
+import { loopsOf, number, plain, sentence, timed, timeUnit, unitTag, unitText } from "./format.js";
 import { furtherOf, openAs } from "./offers.js";
 import { sheet } from "./sheet.js";
 import { plantFormula } from "./symbols.js";
+import { tagged } from "./tags.js";
 import { tradeOff } from "./trade_off.js";
 import { whatIf } from "./what_if.js";
 

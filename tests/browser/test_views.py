@@ -178,8 +178,8 @@ def test_texts_count_loops_from_one(watched: Watched) -> None:
     found = watched.page.evaluate(
         """async () => {
             const { src } = document.querySelector("script[type=module]");
-            const page = await import(src.replace("main.js", "format.js"));
-            const { loopsOf, plain, tagged, taggedCell } = page;
+            const { loopsOf, plain } = await import(src.replace("main.js", "format.js"));
+            const { tagged, taggedCell } = await import(src.replace("main.js", "tags.js"));
             const signals = ["A", "B", "C", "D", "E"].map((tag) => ({ tag }));
             return [plain("Units (from 0) in service."), plain("these from 0.2192 on, from 0 to 1"),
                     loopsOf([0, 1, 2, 3], signals), loopsOf([0, 4], signals),
