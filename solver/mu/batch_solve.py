@@ -41,10 +41,16 @@ HUGE = 1e300
 
 
 @inner
-def balance(layout, work):
-    """Scales that nearly minimise tr Q W, by Osborne's sweeps."""
+def balance(layout, work, all_free):
+    """As `solver.mu.kernel.balance`."""
     scales, first = layout.scales, layout.first
     b, y = load(work.b, 0), work.y
+    if not all_free:
+        total = fill(0.0)
+        for block in range(first.size - 1):
+            for i in range(first[block + 1] - first[block]):
+                total += load(work.table, TABLE * block + 3 * i)
+        b = pick(total > TINY, 1.0 / total, b)
     for s in range(y.shape[0]):
         store(y, s, fill(0.0))
     for _ in range(4):

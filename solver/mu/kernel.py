@@ -139,10 +139,22 @@ def solve(factors, y, nu, ws):
 
 @inner
 def balance(factors, y, ws):
-    """Start of `solve`: scales that nearly minimise tr Q W, by Osborne's sweeps."""
+    """Start of `solve`: scales that nearly minimise tr Q W, by Osborne's sweeps.
+
+    Where the level of the rows b is sought, Q has them at what they permit without uncertainty:
+    within an integrating loop that may be 1e30 times what they are.
+    """
     cols, rest, row0, col0 = factors.cols, factors.rest, factors.row0, factors.col0
     row_scale, col_scale, p, b = factors.row_scale, factors.col_scale, factors.p, factors.b
     into, out = ws.x, ws.x_inverse
+    level = 1.0
+    if not factors.all_free:
+        total = 0.0
+        for i in range(b.size):
+            for j in range(rest.shape[1]):
+                total += b[i] * square(rest[i, j])
+        if total > TINY:
+            level = 1.0 / total
     for _ in range(4):
         for s in range(y.size):
             into[s] = 0.0
@@ -157,7 +169,7 @@ def balance(factors, y, ws):
                 for j in range(col0[block], col0[block + 1]):
                     size = square(cols[i, j - col0[block]])
                     w += size * math.exp(-y[col_scale[j]])
-                    out[col_scale[j]] += (scaled + b[i]) * size
+                    out[col_scale[j]] += (scaled + level * b[i]) * size
                 if s >= 0:
                     into[s] += p[i] * w
         for s in range(y.size):

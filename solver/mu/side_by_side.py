@@ -33,7 +33,7 @@ def sweep(
                     work.y[s, lane] = y[k, s]
         set_up(layout, work)
         if cold and turn == 0:
-            balance(layout, work)
+            balance(layout, work, all_free)
         for s in range(scales):
             for lane in range(WIDTH):
                 work.start[s, lane] = work.y[s, lane]

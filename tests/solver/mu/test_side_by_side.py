@@ -8,7 +8,8 @@ from zoo import COLUMN, interactions
 
 from solver.model.blocks import group_loops, reduce
 from solver.model.controllers import Controller
-from solver.model.plants import first_order
+from solver.model.plants import ParallelPlant, first_order
+from solver.model.transfer_function import TransferFunction
 from solver.model.weights import Performance, Structure, Uncertainty
 from solver.mu.batch import batch
 from solver.mu.kernel import FINE
@@ -167,3 +168,24 @@ def test_most_frequencies_need_no_help():
     u = blocks.squared(Uncertainty.from_error(0.2, 1), OMEGA)
     done = solved_side_by_side(blocks.packed(OMEGA), c, u, blocks.layout)
     assert done.mean() > 0.8
+
+
+@pytest.mark.parametrize("n", [2, 3])
+def test_levels_of_an_integrating_loop_are_the_same_from_either_end_of_the_axis(n):
+    """With integral action 1e10 times slower than the loop a level starts at 1e40 of the weight."""
+    process = TransferFunction([0.02], [1, 0], dead_time=2)
+    plant = ParallelPlant(n, process, TransferFunction([0.01 / n], [1, 0], dead_time=2))
+    u = Uncertainty.from_error(0.7, 1)
+    blocks = reduce(plant, [[unit] for unit in range(n)], u)
+    omega = np.geomspace(1e-14, 1e-2, 25)
+    found = []
+    for order in (slice(None), slice(None, None, -1)):
+        there = omega[order]
+        c = np.stack([Controller(1.4, 1e12).response(there)] * n, axis=1)
+        y = np.zeros((there.size, blocks.n_scales))
+        level = sweep(
+            blocks.packed(there), c, blocks.squared(u, there), np.ones(there.size),
+            blocks.layout, False, FINE, True, y,
+        )[0]  # fmt: skip
+        found.append(level[order])
+    assert found[0] == pytest.approx(found[1], rel=1e-8)
