@@ -19,7 +19,7 @@ __all__ = ["ROOT", "Tour", "touring"]
 
 ROOT = Path(__file__).parent.parent
 PATIENCE = 300.0  # seconds; a run takes 15, on a busy machine more
-GRACE = 10.0  # seconds; helpers of multiprocessing end when they see that their parent has
+GRACE = 60.0  # seconds; helpers of multiprocessing end when they see that their parent has
 
 
 @dataclass

@@ -22,6 +22,8 @@ def _fake_tuner() -> Iterator[None]:
 @pytest.fixture(scope="session")
 def client(_fake_tuner: None, tmp_path_factory: pytest.TempPathFactory) -> Iterator[httpx.Client]:
     """Client of a service with two workers and an empty job table."""
-    configuration = Configuration(data_dir=tmp_path_factory.mktemp("data"), workers=2)
+    configuration = Configuration(
+        data_dir=tmp_path_factory.mktemp("data"), workers=2, analysis_time_limit=300
+    )
     with served(create_app(configuration)) as client:
         yield client

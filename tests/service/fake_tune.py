@@ -1,17 +1,21 @@
 """A tuner that does as it is told, loaded into worker processes as a Dask preload.
 
-The seed of the request says what: end at once, take a time, ignore its callback, kill its process.
+The seed of the request says what: end at once, take a time, run until it is stopped, ignore its
+callback, kill its process. One that is HELD runs until the file is there that the environment of
+its process names as FAKE_TUNER_HOLDS, and ends at once where there is no such name.
 """
 
+import itertools
 import os
 import time
+from pathlib import Path
 
 from solver.model.controllers import Controller
 from solver.model.errors import UnsupportedPlantError
 from solver.tuning import tuner
 from solver.tuning.record import LocalOptimum, Progress, SearchSummary, Status, Tuning
 
-SLOW, STUCK, DEADLY, UNSUPPORTED, BROKEN = 1, 2, 3, 4, 5
+SLOW, STUCK, DEADLY, UNSUPPORTED, BROKEN, ENDLESS, HELD = 1, 2, 3, 4, 5, 6, 7
 
 
 def tune(specification, progress=None):
@@ -25,6 +29,10 @@ def tune(specification, progress=None):
                     stopped = True
                     break
                 time.sleep(0.01)
+        case s if s == ENDLESS:
+            stopped = _is_stopped(progress, "no such file")
+        case s if s == HELD and (end := os.environ.get("FAKE_TUNER_HOLDS")):
+            stopped = _is_stopped(progress, end)
         case s if s == STUCK:
             time.sleep(3600)
         case s if s == DEADLY:
@@ -50,6 +58,16 @@ def tune(specification, progress=None):
         search=SearchSummary(1, (LocalOptimum(1.0, 1, loops),), specification.seed, 0.0),
         curves=None,
     )
+
+
+def _is_stopped(progress, end):
+    """Run until the file `end` is there, or `progress` wants no more; return whether it did."""
+    for step in itertools.count():
+        if Path(end).exists():
+            return False
+        if progress(Progress(step / (step + 100), 100.0, step, step + 1)):
+            return True
+        time.sleep(0.01)
 
 
 def dask_setup(_worker):

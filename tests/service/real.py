@@ -17,7 +17,7 @@ import httpx
 MUTUNE = str(Path(sys.executable).with_name("mutune"))
 DASK = str(Path(sys.executable).with_name("dask"))
 FAKE_TUNER = str(Path(__file__).with_name("fake_tune.py"))
-PATIENCE = 60.0  # seconds: these machines are slow and busy
+PATIENCE = 300.0  # seconds: these machines are slow and busy; only a failure lasts as long
 
 
 def free_port() -> int:

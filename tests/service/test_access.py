@@ -5,7 +5,7 @@ from pathlib import Path
 
 import httpx
 import pytest
-from fake_tune import SLOW
+from fake_tune import ENDLESS
 from real import until
 from samples import ROBUSTNESS, tuning
 from serving import served
@@ -160,7 +160,7 @@ def test_bucket_refills_at_its_rate(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_caller_with_little_work_does_not_wait_for_one_with_much(
     as_batch: bool, tmp_path: Path
 ) -> None:
-    """Two workers, four tunings of ten seconds of one key: that of another begins at once."""
+    """Two workers, four tunings without end of one key: that of another begins at once."""
     keys = KeyFile(tmp_path / "keys.jsonl")
     configuration = Configuration(
         data_dir=tmp_path,
@@ -168,7 +168,7 @@ def test_caller_with_little_work_does_not_wait_for_one_with_much(
         api_keys_file=tmp_path / "keys.jsonl",
     )
     busy, other = bearer(keys), bearer(keys)
-    long = [tuning(SLOW, starts=990 + number) for number in range(4)]
+    long = [tuning(ENDLESS, starts=1 + number) for number in range(4)]
     with served(create_app(configuration)) as client:
 
         def states(headers: dict[str, str]) -> list[str]:
@@ -184,7 +184,7 @@ def test_caller_with_little_work_does_not_wait_for_one_with_much(
                 for each in long
             ]
         until(lambda: states(busy) == ["queued"] * 2 + ["running"] * 2, "two jobs that run")
-        answer = client.post("/v1/tunings", json=tuning(77), headers={**other, "Prefer": "wait=15"})
+        answer = client.post("/v1/tunings", json=tuning(77), headers={**other, "Prefer": "wait=60"})
         assert answer.json()["status"] == "succeeded"
         assert "queued" in states(busy)
         for path in begun:

@@ -7,7 +7,7 @@ from typing import Any
 
 import httpx
 import pytest
-from fake_tune import SLOW, UNSUPPORTED
+from fake_tune import ENDLESS, SLOW, UNSUPPORTED
 from samples import altered, tuning
 
 from service.batch.request_lines import read_items
@@ -93,7 +93,7 @@ def test_failure_is_reported_for_its_item_alone(client: httpx.Client) -> None:
 
 def test_batch_is_cancelled_as_a_whole(client: httpx.Client) -> None:
     """What runs stops, what waits never starts, and the results say so."""
-    batch = start(client, *(tuning(SLOW, starts=500 + index) for index in range(10)))
+    batch = start(client, *(tuning(ENDLESS, starts=1 + index) for index in range(10)))
     assert client.delete(batch["links"]["self"]).status_code == 202
     lines = results(client, batch)
     assert {line["error"]["type"] for line in lines} == {"urn:mutune:problem:cancelled"}
@@ -102,8 +102,8 @@ def test_batch_is_cancelled_as_a_whole(client: httpx.Client) -> None:
 
 def test_interactive_tuning_overtakes_a_batch(client: httpx.Client) -> None:
     """A single tuning does not wait for long ones of a batch, which are done again."""
-    batch = start(client, *(tuning(SLOW, starts=900 + index) for index in range(20)))
-    response = client.post("/v1/tunings", json=tuning(13), headers={"Prefer": "wait=5"})
+    batch = start(client, *(tuning(ENDLESS, starts=100 + index) for index in range(20)))
+    response = client.post("/v1/tunings", json=tuning(13), headers={"Prefer": "wait=60"})
     assert response.json()["status"] == "succeeded"
     states = client.get(batch["links"]["self"]).json()["states"]
     assert states["succeeded"] + states["failed"] == 0
@@ -200,7 +200,7 @@ def test_other_members_are_refused(client: httpx.Client, body: dict) -> None:
 
 def test_results_in_the_order_of_completion(client: httpx.Client) -> None:
     """A slow item does not hold up those behind it."""
-    slow = tuning(seed=SLOW, starts=150)
+    slow = tuning(seed=SLOW, starts=50)
     quick = [tuning(seed=1000 + number) for number in range(4)]
     batch = client.post("/v1/batches", json={"tunings": [slow, *quick]}).json()
     answer = client.get(f"{batch['links']['results']}?order=completion")
@@ -211,7 +211,7 @@ def test_results_in_the_order_of_completion(client: httpx.Client) -> None:
 def test_a_known_result_is_taken(client: httpx.Client) -> None:
     """An equal request ends at once, with its own identity; no-cache computes it anew."""
     request = tuning(seed=4321)
-    first = client.post("/v1/tunings", json=request, headers={"Prefer": "wait=30"}).json()
+    first = client.post("/v1/tunings", json=request, headers={"Prefer": "wait=60"}).json()
     again = client.post("/v1/tunings", json=request | {"id": "R-8", "title": "again"})
     assert again.status_code == 200
     job = again.json()

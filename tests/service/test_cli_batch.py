@@ -16,7 +16,8 @@ from typing import Any
 
 import pyarrow.parquet as pq
 import pytest
-from fake_tune import BROKEN, DEADLY, SLOW
+from fake_tune import BROKEN, DEADLY, ENDLESS, HELD, SLOW
+from real import PATIENCE
 from samples import altered, tuning
 from typer.testing import CliRunner, Result
 
@@ -182,11 +183,15 @@ def test_the_requests_are_never_written_over(tmp_path: Path, link: str) -> None:
     assert requests.read_bytes() == before
 
 
-def start(requests: Path, output: Path) -> subprocess.Popen[bytes]:
-    """Start a batch in a process of its own."""
+def start(requests: Path, output: Path, end: Path | None = None) -> subprocess.Popen[bytes]:
+    """Start a batch in a process of its own; what is HELD ends there once the file `end` exists."""
     return subprocess.Popen(  # noqa: S603 - our own program
         [Path(sys.executable).with_name("mutune"), "batch", requests, "-o", output],
-        env={**os.environ, "DASK_DISTRIBUTED__WORKER__PRELOAD": PRELOAD},
+        env={
+            **os.environ,
+            "DASK_DISTRIBUTED__WORKER__PRELOAD": PRELOAD,
+            "FAKE_TUNER_HOLDS": str(end or ""),
+        },
         stderr=subprocess.PIPE,
         start_new_session=True,
     )
@@ -194,7 +199,7 @@ def start(requests: Path, output: Path) -> subprocess.Popen[bytes]:
 
 def wait_for_lines(path: Path, count: int, process: subprocess.Popen[bytes]) -> None:
     """Return once a file has so many whole lines."""
-    deadline = time.monotonic() + 120
+    deadline = time.monotonic() + PATIENCE
     while not (path.exists() and path.read_bytes().count(b"\n") >= count):
         assert process.poll() is None
         assert time.monotonic() < deadline
@@ -203,17 +208,18 @@ def wait_for_lines(path: Path, count: int, process: subprocess.Popen[bytes]) -> 
 
 def test_two_runs_do_not_write_to_one_file(tmp_path: Path) -> None:
     """The second says so and ends; the first goes on undisturbed."""
-    requests = write(tmp_path / "r.ndjson", tuning(seed=SLOW, starts=300), tuning(seed=400))
-    output = tmp_path / "results.ndjson"
-    process = start(requests, output)
+    requests = write(tmp_path / "r.ndjson", tuning(seed=HELD), tuning(seed=400))
+    output, end = tmp_path / "results.ndjson", tmp_path / "end"
+    process = start(requests, output, end)
     wait_for_lines(output.with_name("results.ndjson.journal"), 1, process)
     second = batch(requests, "-o", output)
     assert second.exit_code == 2
     assert "another batch writes to" in second.stderr
-    _, message = process.communicate(timeout=120)
+    end.touch()
+    _, message = process.communicate(timeout=PATIENCE)
     assert process.returncode == 0, message.decode()
     assert [entry["index"] for entry in read(output)] == [0, 1]
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["r.ndjson", "results.ndjson"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["end", "r.ndjson", "results.ndjson"]
 
 
 def test_a_slow_first_line_holds_up_nothing(
@@ -222,13 +228,13 @@ def test_a_slow_first_line_holds_up_nothing(
     """What is done behind it is kept when the run is stopped, and not computed again."""
     monkeypatch.setenv("MUTUNE_WORKERS", "2")
     later = [tuning(seed=seed) for seed in range(500, 540)]
-    requests = write(tmp_path / "r.ndjson", tuning(seed=SLOW, starts=1000), *later)
+    requests = write(tmp_path / "r.ndjson", tuning(seed=ENDLESS), *later)
     output = tmp_path / "results.ndjson"
     journal = output.with_name("results.ndjson.journal")
     process = start(requests, output)
     wait_for_lines(journal, 41, process)
     process.send_signal(signal.SIGTERM)
-    _, message = process.communicate(timeout=60)
+    _, message = process.communicate(timeout=PATIENCE)
     assert process.returncode == 130
     assert "Interrupted: 40 of 41 done. The same command does the rest." in message.decode()
     marked = journal.read_text().replace('"tau_p":500.0', '"tau_p":9.125')
@@ -243,7 +249,7 @@ def test_a_slow_first_line_holds_up_nothing(
         wait_for_lines(output, 0, process)  # it has begun
     finally:
         process.send_signal(signal.SIGINT)
-        process.communicate(timeout=60)
+        process.communicate(timeout=PATIENCE)
     assert '"tau_p":9.125' in journal.read_text()
 
 
@@ -349,18 +355,12 @@ def test_a_scheduler_without_workers(tmp_path: Path, monkeypatch: pytest.MonkeyP
 @pytest.mark.parametrize("name", ["SIGINT", "SIGKILL"])
 def test_stopped_process_goes_on_where_it_was(tmp_path: Path, name: str) -> None:
     """A real process is stopped amid the batch; the same command does the rest."""
-    slow = [tuning(seed=SLOW, starts=20 + index) for index in range(6)]
-    requests = write(tmp_path / "r.ndjson", *slow)
+    seeds = [700, 701, HELD, 703, 704, 705]
+    requests = write(tmp_path / "r.ndjson", *(tuning(seed=seed) for seed in seeds))
     output = tmp_path / "results.ndjson"
-    command = [Path(sys.executable).with_name("mutune"), "batch", requests, "-o", output]
-    process = subprocess.Popen(  # noqa: S603 - our own program
-        command,
-        env={**os.environ, "DASK_DISTRIBUTED__WORKER__PRELOAD": PRELOAD},
-        stderr=subprocess.PIPE,
-        start_new_session=True,
-    )
+    process = start(requests, output, tmp_path / "never")
     try:
-        wait_for_line(output, process)
+        wait_for_lines(output, 1, process)
     finally:
         os.killpg(process.pid, getattr(signal, name))
         message = process.communicate()[1]
@@ -373,12 +373,3 @@ def test_stopped_process_goes_on_where_it_was(tmp_path: Path, name: str) -> None
         )
     assert batch(requests, "-o", output).exit_code == 0
     assert [entry["index"] for entry in read(output)] == list(range(6))
-
-
-def wait_for_line(path: Path, process: subprocess.Popen[bytes]) -> None:
-    """Return once a whole line is in the file."""
-    deadline = time.monotonic() + 120
-    while not (path.exists() and b"\n" in path.read_bytes()):
-        assert process.poll() is None
-        assert time.monotonic() < deadline
-        time.sleep(0.02)

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 import schemathesis
 from hypothesis import HealthCheck, settings
+from real import PATIENCE
 from schemathesis import Case
 from schemathesis.config import SchemathesisConfig
 from serving import served
@@ -85,11 +86,11 @@ def examples(number: int) -> settings:
 @examples(5)
 def test_operation_conforms(case: Case, address: str) -> None:
     """Statuses, types, headers and bodies are as documented; bad requests are refused."""
-    case.call_and_validate(base_url=address, timeout=60)
+    case.call_and_validate(base_url=address, timeout=PATIENCE)
 
 
 @quick.parametrize()
 @examples(8)
 def test_operation_with_a_large_body_conforms(case: Case, address: str) -> None:
     """The same for analyses, figures and batches."""
-    case.call_and_validate(base_url=address, timeout=60)
+    case.call_and_validate(base_url=address, timeout=PATIENCE)

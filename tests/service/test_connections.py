@@ -56,13 +56,13 @@ def test_whoever_says_nothing_keeps_nobody_out(address: tuple[str, int]) -> None
     """Connections without a request make room, that which has waited longest first."""
     with ExitStack() as stack:
         silent = [
-            stack.enter_context(socket.create_connection(address, timeout=20))
+            stack.enter_context(socket.create_connection(address, timeout=PATIENCE))
             for _ in range(4 * MOST)
         ]
         for one in silent[::2]:
             one.sendall(b"GET / HTTP/1.1\r\nHo")
         for _ in range(3):
-            speaking = stack.enter_context(socket.create_connection(address, timeout=20))
+            speaking = stack.enter_context(socket.create_connection(address, timeout=PATIENCE))
             speaking.sendall(GET % b"brief")
             assert speaking.recv(1000).startswith(b"HTTP/1.1 200")
         assert has_ended(silent[0])
@@ -77,7 +77,7 @@ def test_whoever_sends_no_request_is_let_go(
 ) -> None:
     """A connection without a whole head is closed after a time that ten seconds stand for here."""
     monkeypatch.setattr(connections, "_HEAD_SECONDS", 0.2)
-    with socket.create_connection(address, timeout=20) as silent:
+    with socket.create_connection(address, timeout=PATIENCE) as silent:
         silent.sendall(said)
         assert has_ended(silent)
 
@@ -96,7 +96,7 @@ def test_whoever_takes_nothing_is_let_go(
     monkeypatch.setattr(PunctualProtocol, "connection_lost", connection_lost)
     for seconds, whole in ((0.2, False), (60.0, True)):
         monkeypatch.setattr(connections, "_TAKING_SECONDS", seconds)
-        with socket.create_connection(address, timeout=20) as caller:
+        with socket.create_connection(address, timeout=PATIENCE) as caller:
             caller.sendall(GET % b"long")
             if not whole:
                 assert lost.wait(PATIENCE)

@@ -14,7 +14,7 @@ import pytest
 from certificates import certificates
 from distributed import Security
 from distributed.core import rpc
-from real import MUTUNE, Process, Service, free_port, until
+from real import MUTUNE, PATIENCE, Process, Service, free_port, until
 
 
 @pytest.fixture
@@ -35,12 +35,12 @@ def ports(pid: int) -> set[int]:
     }
 
 
-async def run_at(address: str, security: Security | None) -> bool:
-    """Return whether what listens at `address` runs a function that it is sent."""
+async def run_at(address: str, security: Security | None, patience: float = 3.0) -> bool:
+    """Return whether what listens at `address` runs a function that it is sent, in so many s."""
     arguments = security.get_connection_args("client") if security else {}
-    there = rpc(address, timeout=2, connection_args=arguments)
+    there = rpc(address, timeout=patience, connection_args=arguments)
     try:
-        answer = await asyncio.wait_for(there.run(function=cloudpickle.dumps(os.getpid)), 3)
+        answer = await asyncio.wait_for(there.run(function=cloudpickle.dumps(os.getpid)), patience)
     except (OSError, TimeoutError):
         return False
     finally:
@@ -87,7 +87,7 @@ def test_cluster_takes_its_certificates_from_the_settings(stack: ExitStack, tmp_
         tls_client_key=encrypted["MUTUNE_TLS_KEY_FILE"],
     )
     found = ports(worker.pid)
-    assert any(asyncio.run(run_at(f"tls://127.0.0.1:{port}", own)) for port in found)
+    assert any(asyncio.run(run_at(f"tls://127.0.0.1:{port}", own, PATIENCE)) for port in found)
     assert not any(asyncio.run(run_at(f"tcp://127.0.0.1:{port}", None)) for port in found)
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import httpx
 import pytest
-from fake_tune import SLOW
+from fake_tune import ENDLESS
 from samples import ROBUSTNESS, altered, tuning
 
 from service.analyses.decouple import EXAMPLE as DECOUPLING
@@ -25,7 +25,7 @@ from service.schemas.figures import FiguresResult
 @pytest.fixture(scope="module")
 def finished(client: httpx.Client) -> str:
     """Return the path of a tuning that has ended."""
-    response = client.post("/v1/tunings", json=tuning(seed=30), headers={"Prefer": "wait=30"})
+    response = client.post("/v1/tunings", json=tuning(seed=30), headers={"Prefer": "wait=60"})
     assert response.json()["status"] == "succeeded", response.text
     return response.headers["Location"]
 
@@ -85,7 +85,7 @@ def test_answers_are_kept_within_bounds() -> None:
 @pytest.mark.parametrize("resource", ["figures", "report"])
 def test_a_running_tuning_has_none_yet(client: httpx.Client, resource: str) -> None:
     """Before there is a result the answer is a conflict that names the state."""
-    job = client.post("/v1/tunings", json=tuning(seed=SLOW, starts=1000)).json()
+    job = client.post("/v1/tunings", json=tuning(ENDLESS)).json()
     response = client.get(f"/v1/tunings/{job['id']}/{resource}")
     client.delete(f"/v1/tunings/{job['id']}")
     assert response.status_code == 409

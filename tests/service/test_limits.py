@@ -94,7 +94,11 @@ def test_the_controller_in_the_result_has_the_peak_beside_it(answer: dict[str, A
 
 def test_a_plant_without_limit_says_so_in_words() -> None:
     """No number where nothing ends the bandwidth."""
-    request = {**REQUEST, "uncertainty": {"epsilon": 0.2, "theta": 0}, "search": {"time_limit": 2}}
+    request = {
+        **REQUEST,
+        "uncertainty": {"epsilon": 0.2, "theta": 0},
+        "search": {"time_limit": 1e-3},
+    }
     answer = ANALYSIS.compute(LimitRequest.model_validate(request))
     assert answer["status"] == "unlimited"
     assert answer["value"] is None
@@ -163,7 +167,9 @@ def test_what_was_found_before_the_end_is_kept() -> None:
     def stop() -> bool:
         return next(calls) > 400
 
-    request = TuningRequest.model_validate({**REQUEST, "search": {"time_limit": 60, "limit": True}})
+    request = TuningRequest.model_validate(
+        {**REQUEST, "search": {"time_limit": 900, "limit": True}}
+    )
     document = with_limit(request, {"search": {"elapsed_seconds": 0.5}}, stop)
     found = Alternatives.model_validate(document["limit"])
     assert found.status == "time_limit"
@@ -174,7 +180,7 @@ def test_what_was_found_before_the_end_is_kept() -> None:
 def test_a_plant_without_a_limit_keeps_its_tuning() -> None:
     """A singular plant: the result of the tuning stands, and the sentence says why."""
     request = {**REQUEST, "plant": {**REQUEST["plant"], "interaction": 1}}
-    asked = TuningRequest.model_validate({**request, "search": {"time_limit": 20, "limit": True}})
+    asked = TuningRequest.model_validate({**request, "search": {"time_limit": 900, "limit": True}})
     found = with_limit(asked, {"tau_p": 3.0, "search": {"elapsed_seconds": 0.5}})
     assert found["tau_p"] == 3.0
     assert found["limit"]["status"] == "not_covered"

@@ -21,7 +21,7 @@ def executed(tmp_path_factory: pytest.TempPathFactory) -> tuple[nbformat.Noteboo
     folder = tmp_path_factory.mktemp("notebook")
     document = nbformat.read(NOTEBOOK, as_version=4)
     NotebookClient(
-        document, timeout=120, kernel_name="python3", resources={"metadata": {"path": str(folder)}}
+        document, timeout=600, kernel_name="python3", resources={"metadata": {"path": str(folder)}}
     ).execute()
     return document, folder
 

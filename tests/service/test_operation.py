@@ -10,10 +10,10 @@ from pathlib import Path
 
 import httpx
 import pytest
-from fake_tune import SLOW
+from fake_tune import ENDLESS
 from fastapi.testclient import TestClient
 from pydantic import ValidationError
-from real import until
+from real import PATIENCE, until
 from samples import altered, tuning
 from serving import captured_logs, served
 from typer.testing import CliRunner
@@ -29,7 +29,7 @@ PATH = "/v1/tunings"
 def finished(client: httpx.Client, seed: int) -> str:
     """Return the path of a tuning that has ended, for a plant whose result is long."""
     request = altered(tuning(seed), "/plant/n", 200)
-    response = client.post(PATH, json=request, headers={"Prefer": "wait=30"})
+    response = client.post(PATH, json=request, headers={"Prefer": "wait=60"})
     assert response.json()["status"] == "succeeded"
     return response.headers["location"]
 
@@ -53,7 +53,7 @@ def test_ended_tuning_known_to_the_caller_is_not_sent_again(client: httpx.Client
     assert (again.status_code, again.content) == (304, b"")
     assert again.headers["etag"] == tag
     assert client.get(path, headers={"If-None-Match": 'W/"other"'}).status_code == 200
-    running = client.post(PATH, json=tuning(SLOW, starts=500)).headers["location"]
+    running = client.post(PATH, json=tuning(ENDLESS)).headers["location"]
     assert "etag" not in client.get(running).headers
     client.delete(running)
 
@@ -114,7 +114,7 @@ def test_a_thousand_followers_hear_the_end_and_hold_nobody_up(client: httpx.Clie
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (min(hard, 8192), hard))
     followers = min(1000, (min(hard, 8192) - 500) // 2)  # both ends are in this process
-    ahead = [tuning(SLOW, starts=990 + index) for index in range(10)]
+    ahead = [tuning(ENDLESS, starts=1 + index) for index in range(10)]
     batch = client.post("/v1/batches", json={"tunings": ahead}).json()["links"]["self"]
     path = client.get(f"{PATH}?limit=1").json()["items"][0]["links"]["self"]  # the last in turn
     address = (client.base_url.host, client.base_url.port)
@@ -122,7 +122,7 @@ def test_a_thousand_followers_hear_the_end_and_hold_nobody_up(client: httpx.Clie
         stack.callback(resource.setrlimit, resource.RLIMIT_NOFILE, (soft, hard))
         streams = []
         for _ in range(followers):
-            stream = stack.enter_context(socket.create_connection(address, timeout=60))
+            stream = stack.enter_context(socket.create_connection(address, timeout=PATIENCE))
             stream.sendall(f"GET {path}/events HTTP/1.1\r\nHost: localhost\r\n\r\n".encode())
             streams.append(stream)
         for stream in streams:

@@ -103,15 +103,15 @@ def test_what_takes_too_much_memory_is_ended_and_says_so() -> None:
 def test_who_asks_for_little_does_not_wait_for_those_who_ask_for_much(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """Behind three computations that have no end yet a short one has its result; all end well."""
-    monkeypatch.setattr(pool_module, "_QUICK", 0.5)
+    """Behind two computations that have no end yet a short one has its result; all end well."""
+    monkeypatch.setattr(pool_module, "_QUICK", 1.0)
     end = tmp_path / "end"
 
     async def run() -> list[bytes]:
         pool = Pool(1, time_limit=PATIENCE, memory_limit=10**9)
         try:
             await pool.run("", doubled, 1.0)
-            waiting = [asyncio.create_task(pool.run("", held, str(end))) for _ in range(3)]
+            waiting = [asyncio.create_task(pool.run("", held, str(end))) for _ in range(2)]
             await asyncio.sleep(0)  # they come first
             short = await pool.run("", dict, {"short": True})  # which needs no import
             assert not any(each.done() for each in waiting)
@@ -122,7 +122,7 @@ def test_who_asks_for_little_does_not_wait_for_those_who_ask_for_much(
 
     short, *others = asyncio.run(run())
     assert json.loads(short) == {"short": True}
-    assert [json.loads(each) for each in others] == [{"held": True}] * 3
+    assert [json.loads(each) for each in others] == [{"held": True}] * 2
 
 
 def test_computation_that_nobody_waits_for_ends(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -29,7 +29,7 @@ def restored(old: Configuration, new: Configuration, copy: Callable[[], None]) -
     """Check that the database of `old`, copied while it works, is that of a service `new`."""
     with served(create_app(old)) as client:
         done = client.post("/v1/tunings", json=tuning(61), headers=WAIT).json()
-        running = client.post("/v1/tunings", json=tuning(SLOW, starts=300)).json()["links"]["self"]
+        running = client.post("/v1/tunings", json=tuning(SLOW, starts=150)).json()["links"]["self"]
         waiting = client.post("/v1/tunings", json=tuning(62)).json()["links"]["self"]
         until(lambda: client.get(running).json()["status"] == "running", "a job that runs")
         copy()

@@ -15,7 +15,7 @@ from pathlib import Path
 import httpx
 import pytest
 from certificates import certificates
-from fake_tune import SLOW
+from fake_tune import ENDLESS
 from real import MUTUNE, Process, Service, free_port, until
 from samples import tuning
 
@@ -55,7 +55,7 @@ def test_second_service_and_newer_database_and_private_files(
     assert "another mutune serves from" in line
     assert first.is_up()
 
-    job = first.client.post("/v1/tunings", json=tuning(SLOW, starts=60)).json()
+    job = first.client.post("/v1/tunings", json=tuning(ENDLESS)).json()
     with first.client.stream("GET", job["links"]["events"]) as events:
         lines = events.iter_lines()
         next(lines)

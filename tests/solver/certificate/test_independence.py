@@ -44,7 +44,7 @@ def test_a_certificate_verifies_in_a_process_that_has_only_its_json(
         input=json.dumps(certificate.to_document()).encode(),
         capture_output=True,
         check=True,
-        timeout=120,
+        timeout=600,
     )
     assert done.stdout.decode().split("\n")[0] == "proven None []"
 

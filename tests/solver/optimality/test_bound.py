@@ -2,6 +2,7 @@
 
 import importlib
 import itertools
+import itertools
 import math
 from dataclasses import replace
 
@@ -231,12 +232,17 @@ def test_what_is_not_covered_is_refused_by_name(refused):
 def test_the_widest_bounds_are_stopped_not_lost():
     """With gains of 1e-9 to 1e9 some points lose all digits: they say nothing, and all goes on."""
     bounds = Bounds(gain=(1e-9, 1e9), integral_time=(1e-9, 1e9))
+    proving = itertools.count()
     result = tune(
         Specification(
             first_order(2, 1, 10, 0.949, 1), Uncertainty.from_error(0.1, 0), Performance(),
             arrangement=Arrangement.INDEPENDENT, bounds=bounds, starts=2, optimality_gap=True,
-            time_limit=3,
-        )
+            time_limit=None,
+        ),
+        lambda now: now.fraction == 1 and next(proving) > 10,
     )  # fmt: skip
     assert result.loops
-    assert result.optimality is None or 0 <= result.optimality.lower_bound <= result.tau_p
+    assert result.optimality is not None
+    assert result.optimality.status is Proof.STOPPED
+    assert result.optimality.boxes > 1
+    assert 0 <= result.optimality.lower_bound <= result.tau_p
