@@ -370,7 +370,7 @@ def test_six_burners(watched: Watched) -> None:
     """Six unlike loops are told one by one, in lines that differ in colour and dash."""
     page = watched.page
     watched.go("#/")
-    for pointer, value in {"n": "6", "time_constant": "20", "interaction": "0.4"}.items():
+    for pointer, value in {"n": "6", "time_constant": "20", "interaction": "0.01"}.items():
         field(page, f"/plant/{pointer}").fill(value)
     field(page, "/uncertainty/epsilon").fill("0.1 0.15 0.2 0.25 0.3 0.35")
     page.get_by_text("More: ").click()

@@ -150,7 +150,7 @@ def test_loops_with_errors_of_their_own_are_told_one_by_one() -> None:
         "parallel_reactors",
         changed(
             plant={"kind": "first_order", "n": 6, "gain": 1, "time_constant": 20,
-                   "interaction": 0.4},
+                   "interaction": 0.01},
             uncertainty={"epsilon": [0.1, 0.15, 0.2, 0.25, 0.3, 0.35], "theta": 1},
             search={"starts": 1},
         ),
