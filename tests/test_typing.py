@@ -51,14 +51,8 @@ def checked(text: str, path: Path) -> list[int]:
         cwd=ROOT, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode in {0, 1}, done.stderr
-    return sorted(
-        {
-            int(line)
-            for line in re.findall(
-                rf"^{re.escape(str(path))}:(\d+): error", done.stdout, re.MULTILINE
-            )
-        }
-    )
+    place = rf"^{re.escape(str(path))}:(\d+): error"
+    return sorted({int(line) for line in re.findall(place, done.stdout, re.MULTILINE)})
 
 
 def test_ten_slips_are_ten_errors(tmp_path: Path) -> None:

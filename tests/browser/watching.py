@@ -78,7 +78,7 @@ class Watched:
         self.wait_for_figures()
 
     def inspect(self, name: str) -> None:
-        """Check a view for barriers, wide in light and narrow in dark; keep a picture of a fault."""
+        """Check a view for barriers, wide in light, narrow in dark; keep a picture of a fault."""
         for scheme, shape, size in (("light", "wide", _DESK), ("dark", "phone", _PHONE)):
             self.page.set_viewport_size(size)
             self.page.emulate_media(color_scheme=scheme)

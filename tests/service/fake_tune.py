@@ -5,7 +5,6 @@ callback, kill its process. One that is HELD runs until the file is there that t
 its process names as FAKE_TUNER_HOLDS, and ends at once where there is no such name.
 """
 
-import itertools
 import os
 import time
 from pathlib import Path
@@ -62,12 +61,13 @@ def tune(specification, progress=None):
 
 def _is_stopped(progress, end):
     """Run until the file `end` is there, or `progress` wants no more; return whether it did."""
-    for step in itertools.count():
-        if Path(end).exists():
-            return False
+    step = 0
+    while not Path(end).exists():
         if progress(Progress(step / (step + 100), 100.0, step, step + 1)):
             return True
         time.sleep(0.01)
+        step += 1
+    return False
 
 
 def dask_setup(_worker):

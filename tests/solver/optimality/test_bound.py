@@ -2,7 +2,6 @@
 
 import importlib
 import itertools
-import itertools
 import math
 from dataclasses import replace
 
