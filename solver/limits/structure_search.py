@@ -46,6 +46,9 @@ STARTS = 2  # best of the coarse grid that a search is started from
 STEP = 1e-5  # of differences in logarithms: mu is known to 1e-10
 WIDEST = 7.0  # in logarithms: how far a setting may go from its start
 SETTLED = 1e-9  # of a value's logarithm
+# The same where a step is one of many that follow one another: the last one is of the digits above.
+SETTLED_ON_THE_WAY = 1e-3
+RANKED = 1e-2  # of a value's logarithm: enough to tell the best starts
 RESTARTS = 3  # of SLSQP, whose model of the curvature may have gone astray
 DIGITS = 1e-8  # of a value's logarithm
 BRACKET = 0.7  # of log tau_P
@@ -287,8 +290,8 @@ class StructureSearch:
                 return None
             tau_p *= SLOWER
         for _ in range(MAX_RATIOS):
-            theta = self._descend(theta, math.exp(level), restarts=1)
-            before, level = level, self._level(theta, None, level)
+            theta = self._descend(theta, math.exp(level), on_the_way=True)
+            before, level = level, self._level(theta, None, level, digits=PRECISE / 10)
             if before - level < PRECISE:
                 break
         return self._descend(theta, None)
@@ -299,14 +302,19 @@ class StructureSearch:
             return math.inf
         if not self.sought:
             return self._level(theta, self.first_tau_p)
-        level = self._level(theta, None)
+        level = self._level(theta, None, digits=RANKED)
         if math.isfinite(level):
             return level
         # Those that no tau_P satisfies rank behind the others, by their peak.
         return math.log(self.slowest) + self._level(theta, self.slowest)
 
     def _level(
-        self, theta: NDArray[np.float64], tau_p: float | None, near: float | None = None
+        self,
+        theta: NDArray[np.float64],
+        tau_p: float | None,
+        near: float | None = None,
+        *,
+        digits: float = DIGITS,
     ) -> float:
         """Log of the peak of mu at `tau_p`, or, where that is None, of the least tau_P."""
         parts, among = self._parts(theta), np.arange(self.omega.size)
@@ -331,12 +339,13 @@ class StructureSearch:
         # mu falls with tau_P at every frequency: what is met at `low` is met at all that follow.
         among = np.flatnonzero(self._mu([(parts, math.exp(low))])[0] > 1)
         parts = [part[among] for part in parts]
-        return float(brentq(peak, low, high, xtol=DIGITS))
+        return float(brentq(peak, low, high, xtol=digits))
 
     def _descend(
-        self, start: NDArray[np.float64], tau_p: float | None, *, restarts: int = RESTARTS
+        self, start: NDArray[np.float64], tau_p: float | None, *, on_the_way: bool = False
     ) -> NDArray[np.float64]:
-        """Return settings of the least level beside a start, see `_level`."""
+        """Return settings of the least level beside a start, see `_level`; or better ones."""
+        restarts, settled = (1, SETTLED_ON_THE_WAY) if on_the_way else (RESTARTS, SETTLED)
         size = start.size
         theta, level = start, self._level(start, tau_p)
         low, high = np.append(start, level) - WIDEST, np.append(start, level) + WIDEST
@@ -373,7 +382,7 @@ class StructureSearch:
                 lambda x: x[size], np.append(theta, level), jac=lambda _: end, method="SLSQP",
                 bounds=list(zip(low, high, strict=True)),
                 constraints=constraints,
-                options={"maxiter": MAX_ITERATIONS, "ftol": SETTLED},  # type: ignore[call-overload]
+                options={"maxiter": MAX_ITERATIONS, "ftol": settled},  # type: ignore[call-overload]
             )  # fmt: skip
             if not np.isfinite(found.x).all():
                 break
