@@ -271,7 +271,9 @@ def _loops(specification: Specification, family: Family, tick: Callable[[], None
         demands=NO_DEMANDS,
         start=None,
         certificate=False,
+        model_tolerance=False,
         optimality_gap=False,
+        remarks=False,
         time_limit=None if limit is None else LOOPS_SHARE * limit,
     )
 

@@ -48,7 +48,8 @@ WIDEST = 7.0  # in logarithms: how far a setting may go from its start
 SETTLED = 1e-9  # of a value's logarithm
 # The same where a step is one of many that follow one another: the last one is of the digits above.
 SETTLED_ON_THE_WAY = 1e-3
-RANKED = 1e-2  # of a value's logarithm: enough to tell the best starts
+RANKED = 1e-2  # of a value's logarithm, and
+THINNED = 3  # frequencies of which one is looked at: enough to tell the best starts
 RESTARTS = 3  # of SLSQP, whose model of the curvature may have gone astray
 DIGITS = 1e-8  # of a value's logarithm
 BRACKET = 0.7  # of log tau_P
@@ -211,6 +212,7 @@ class StructureSearch:
 
     def _on(self, omega: NDArray[np.float64]) -> None:
         self.omega = omega
+        self._levels: dict[tuple[bytes, float | None], tuple[float, float]] = {}  # on this grid
         self.w_I = self.uncertainty.magnitude(omega)[:, None, None]
         self.G = self.structure.blocks.response(omega)
 
@@ -300,13 +302,14 @@ class StructureSearch:
         """Return the logarithm of the value of a start; infinite where it is unstable."""
         if centralised_poles(self.structure.blocks, self.structure.controllers(theta)):
             return math.inf
+        among = np.arange(0, self.omega.size, THINNED)
         if not self.sought:
-            return self._level(theta, self.first_tau_p)
-        level = self._level(theta, None, digits=RANKED)
+            return self._level_on(among, theta, self.first_tau_p)
+        level = self._level_on(among, theta, None, digits=RANKED)
         if math.isfinite(level):
             return level
         # Those that no tau_P satisfies rank behind the others, by their peak.
-        return math.log(self.slowest) + self._level(theta, self.slowest)
+        return math.log(self.slowest) + self._level_on(among, theta, self.slowest)
 
     def _level(
         self,
@@ -317,28 +320,47 @@ class StructureSearch:
         digits: float = DIGITS,
     ) -> float:
         """Log of the peak of mu at `tau_p`, or, where that is None, of the least tau_P."""
-        parts, among = self._parts(theta), np.arange(self.omega.size)
+        key = theta.tobytes(), tau_p
+        known, level = self._levels.get(key, (math.inf, 0.0))
+        if known > digits:
+            level = self._level_on(np.arange(self.omega.size), theta, tau_p, near, digits)
+            self._levels[key] = digits, level
+        return level
+
+    def _level_on(
+        self,
+        among: NDArray[np.intp],
+        theta: NDArray[np.float64],
+        tau_p: float | None,
+        near: float | None = None,
+        digits: float = DIGITS,
+    ) -> float:
+        """Return the same on some frequencies of the grid."""
+        parts = [part[among] for part in self._parts(theta)]
 
         def peak(level: float) -> float:
-            return float(np.log(self._mu([(parts, math.exp(level))], among)).max())
+            nonlocal among, parts
+            log_mu = np.log(self._mu([(parts, math.exp(level))], among))[0]
+            over = log_mu > 0
+            if tau_p is None and over.any():
+                # mu falls with tau_P at every frequency: what is met here is met from here on.
+                among, parts = among[over], [part[over] for part in parts]
+            return float(log_mu.max())
 
         if tau_p is not None:
             return peak(math.log(tau_p))
-        high = low = math.log(self.first_tau_p) if near is None else near
-        slowest = math.log(self.slowest)
+        first, slowest = math.log(self.first_tau_p), math.log(self.slowest)
+        high = low = first if near is None else near
         if peak(high) <= 0:
             while peak(low := high - BRACKET) <= 0:
                 high = low
-                if high < math.log(self.first_tau_p) - FASTEST_TRIED:
+                if high < first - FASTEST_TRIED:
                     return high
         else:
             while peak(high := min(low + BRACKET, slowest)) > 0:
                 low = high
                 if low >= slowest:
                     return math.inf
-        # mu falls with tau_P at every frequency: what is met at `low` is met at all that follow.
-        among = np.flatnonzero(self._mu([(parts, math.exp(low))])[0] > 1)
-        parts = [part[among] for part in parts]
         return float(brentq(peak, low, high, xtol=digits))
 
     def _descend(

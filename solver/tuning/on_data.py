@@ -271,7 +271,7 @@ class _Run:
         status = Status.OPTIMAL if task.start is None else Status.LOCAL
         given = [on_data(case.plant, own) for case, own in zip(search.cases, peaks, strict=True)]  # type: ignore[arg-type]
         tolerance = None
-        if not task.rough:
+        if not task.brief:
             tolerance = moves(
                 task.objective, search.exact, search.exact, end.theta,
                 performance=performance, peak=max(tops),
@@ -307,7 +307,7 @@ class _Run:
                 )
             ),
         )
-        if task.rough:
+        if task.brief:
             return result
         sentences = plain_advice(
             task, result, search.cases[deciding], peaks[deciding].robust_performance.omega

@@ -142,9 +142,9 @@ def report(
         comparison=_comparison(solutions, search, end, clock, instead=alike is not None),
         certificate=certificate,
         optimality=_optimality(specification, solutions, end, clock),
-        integrity=None if specification.rough else _integrity(specification, end),
+        integrity=None if specification.brief else _integrity(specification, end),
         resolution=price,
-        settings_tolerance=None if specification.rough else tolerance(specification, search, end),
+        settings_tolerance=None if specification.brief else tolerance(specification, search, end),
         model_tolerance=_model_tolerance(specification, end),
         as_found=as_found(specification, end.performance),
         advice=advice(
@@ -155,7 +155,7 @@ def report(
         ),
         warnings=tuple(warnings),
     )
-    if specification.rough:
+    if specification.brief:
         return result
     sentences = plain_advice(
         specification, result, search.cases[deciding],

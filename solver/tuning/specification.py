@@ -190,7 +190,10 @@ class Specification:
     rough : bool
         Whether to end the search beside `start` where its grid of frequencies does. What the
         settings reach is right on the whole axis as ever; they are not quite the best ones. Not
-        told: how far they may be moved, and what loops in manual mean.
+        told: what `remarks` are about.
+    remarks : bool
+        Whether the result tells how far its settings may be moved, what loops in manual mean, and
+        what its numbers advise.
     resolution : Resolution or None
         Numbers that the controllers accept: the best settings among them are returned.
     as_found : tuple of Controller or None
@@ -223,6 +226,7 @@ class Specification:
     optimality_gap: bool = False
     start: tuple[Controller, ...] | None = None
     rough: bool = False
+    remarks: bool = True
     groups: tuple[tuple[int, ...], ...] | None = None
     pairing: tuple[int, ...] | Literal["best"] | None = None
     scan_time: float = 0.0
@@ -256,6 +260,11 @@ class Specification:
         if self.time_limit is not None and not self.time_limit > 0:
             message = "the time limit must be positive"
             raise InvalidInputError(message, "/search/time_limit")
+
+    @property
+    def brief(self) -> bool:
+        """Whether the result is without what `remarks` are about."""
+        return self.rough or not self.remarks
 
     @property
     def interchangeable(self) -> bool:
@@ -385,6 +394,7 @@ class Specification:
             model_tolerance=flag(self.model_tolerance, "/model_tolerance"),
             optimality_gap=flag(self.optimality_gap, "/search/optimality_gap"),
             rough=flag(self.rough, "/search/rough"),
+            remarks=flag(self.remarks, "/search/remarks"),
         )
         if self.group_sizes is not None:
             sizes = integers(self.group_sizes, "/controller/group_sizes")

@@ -196,6 +196,14 @@ def test_progress_may_stop_the_tuning():
     assert seen[0].best is None
 
 
+def test_without_remarks_the_settings_are_the_same():
+    """What is not told is left out, and nothing else changes."""
+    whole, brief = (run(SLH, Arrangement.IDENTICAL, remarks=told) for told in (True, False))
+    assert brief.loops == whole.loops
+    assert (brief.integrity, brief.settings_tolerance) == (None, None)
+    assert set(brief.advice) < set(whole.advice)
+
+
 def test_time_limit_returns_the_best_so_far():
     """A tiny limit ends with its status, without settings or with stable ones."""
     result = run(SLH, Arrangement.INDEPENDENT, time_limit=1e-3)
