@@ -36,8 +36,8 @@ from service.schemas.scenarios import (
 )
 from service.schemas.settings_nearby import AsFound, PriceOfResolution, SettingsTolerance
 from service.schemas.weights import Performance, Uncertainty
-from solver.model.open_loop import require_supported
 from solver.model.plants import MAX_UNITS
+from solver.tuning.admission import require_tunable
 from solver.tuning.record import LocalOptimum, Tuning
 from solver.tuning.specification import (
     MAX_STARTS,
@@ -217,7 +217,6 @@ class TuningRequest(RecordedRequest):
         """
         with below("/plant"):
             plant = self.plant.build()
-        require_supported(plant)
         with below("/uncertainty"):
             uncertainty = self.uncertainty.build(plant.n)
         mixing = None
@@ -250,7 +249,7 @@ class TuningRequest(RecordedRequest):
         as_found = None
         if self.as_found is not None:
             as_found = given_loops(self.as_found, "/as_found")
-        return Specification(
+        specification = Specification(
             plant=plant,
             uncertainty=uncertainty,
             performance=performance,
@@ -277,6 +276,8 @@ class TuningRequest(RecordedRequest):
             model_tolerance=self.model_tolerance,
             optimality_gap=self.search.optimality_gap,
         )
+        require_tunable(specification)
+        return specification
 
 
 class BatchTuningRequest(TuningRequest):

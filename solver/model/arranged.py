@@ -110,8 +110,10 @@ def sampled(plant: Plant, scan_time: float) -> Plant:
     def late(element: TransferFunction) -> TransferFunction:
         if element.is_zero:
             return element
-        return TransferFunction(
-            element.num, element.den, element.dead_time + SCAN_DELAY * scan_time
-        )
+        dead_time = element.dead_time + SCAN_DELAY * scan_time
+        if dead_time > LARGEST:
+            message = f"makes a dead time of more than {LARGEST:g}"
+            raise InvalidInputError(message, "/scan_time")
+        return TransferFunction(element.num, element.den, dead_time)
 
     return plant.mapped(late)

@@ -67,6 +67,11 @@ class Demands:
             asked.append("integrity")
         return tuple(asked)
 
+    @property
+    def each_alone(self) -> bool:
+        """Whether each loop must be stable with all others in manual."""
+        return self.integrity is not IntegrityDemand.NONE or self.max_sensitivity_alone is not None
+
 
 NO_DEMANDS = Demands()
 

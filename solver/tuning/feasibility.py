@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from solver.model.loop_names import loops_text
 from solver.model.plants import ParallelPlant
 from solver.stability.singular import SINGULAR_CONDITION, equilibrate, is_singular
 from solver.tuning.bounds import gain_signs
@@ -33,7 +34,15 @@ if TYPE_CHECKING:
     from solver.tuning.groupings import Groups
     from solver.tuning.specification import Specification
 
-__all__ = ["ELSE", "Impossibility", "impossibility", "impossibility_at_rest", "other_signs"]
+__all__ = [
+    "ELSE",
+    "Impossibility",
+    "contrary_signs",
+    "impossibility",
+    "impossibility_at_rest",
+    "needs_usual_signs",
+    "other_signs",
+]
 
 SLOW = 1e-9  # of the slowest root: there a response is at its limit for omega -> 0
 ELSE = "; other signs of the gains ('any') may serve, but some loops cannot run alone then"
@@ -87,6 +96,46 @@ def other_signs(specification: Specification, groups: Groups) -> Iterator[tuple[
             continue
         seen.add(key)
         yield tuple(sign * flip for sign, flip in zip(usual, flips, strict=True))
+
+
+def needs_usual_signs(specification: Specification) -> bool:
+    """Whether the demands permit no gain of another sign than that of the loop's own process.
+
+    They ask for each loop alone to be stable. With integral action 1 + g c is of the sign of
+    k g(0) at a small real s > 0 and 1 at s -> infinity where g has no feedthrough, and must not
+    change its sign between.
+    """
+    own = (specification.plant.element(unit, unit) for unit in range(specification.plant.n))
+    return specification.demands.each_alone and all(g.feedthrough == 0 for g in own)
+
+
+def contrary_signs(specification: Specification, groups: Groups) -> str | None:
+    """Say which loops cannot have the sign of their own steady-state gain; None: all can.
+
+    Those that share a gain with a loop of the other sign, and those of a scenario's plant that
+    have another sign there.
+    """
+    usual = gain_signs(specification.plant, groups)
+    found = []
+    for number, plant in enumerate(specification.plants):
+        turned = [
+            unit
+            for sign, group in zip(usual, groups, strict=True)
+            for unit in group
+            if plant.element(unit, unit).static_gain * sign < 0
+        ]
+        if not turned:
+            continue
+        if number == 0:
+            others = f"{loops_text(turned)} and loops whose steady-state gains have the other sign"
+            found.append(f"there is one gain for {others}")
+        else:
+            own = [each.name for each in specification.scenarios if each.plant is not None]
+            found.append(
+                f"in scenario {own[number - 1]!r} the steady-state gain of {loops_text(turned)} "
+                "has the other sign"
+            )
+    return "; ".join(found) or None
 
 
 def _niederlinski_index(plant: Plant) -> float:

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solver.model.errors import UnsupportedPlantError
 from solver.model.measured import MeasuredPlant
 from solver.model.transfer_function import LARGEST
 from solver.robustness.on_data import data_analysis, demand_unseen, on_data, peaks_of
@@ -41,7 +40,7 @@ from solver.tuning.record import (
 from solver.tuning.scenario_outcomes import binding, overall
 from solver.tuning.scenarios import AS_GIVEN
 from solver.tuning.settle import SPREAD_ROUNDS, WORSE
-from solver.tuning.specification import Arrangement, Objective, Signs, Specification
+from solver.tuning.specification import Arrangement, Objective, Specification
 from solver.tuning.spread import SPREAD
 
 if TYPE_CHECKING:
@@ -61,9 +60,6 @@ __all__ = ["tune_on_data"]
 ROUNDING = 1e-9  # relative addition to tau_P that keeps mu <= 1 under rounding
 LARGEST_S = math.log(LARGEST)  # of tau_P, or mu^2, that is no number to be told any more
 WORTH_IT = 1.0  # per cent that unlike settings must gain before 'best' prefers them
-
-# What the data cannot answer; with the field that asks for it.
-_NOT_OFFERED = (("optimality_gap", "/search/optimality_gap", "a proof of optimality"),)
 
 
 def tune_on_data(
@@ -86,13 +82,6 @@ def tune_on_data(
     """
     plant = specification.plant
     assert isinstance(plant, MeasuredPlant)  # noqa: S101 - for the type checker: who calls knows
-    for name, where, words in _NOT_OFFERED:
-        if getattr(specification, name):
-            message = f"a plant given as frequency response does not serve {words}"
-            raise UnsupportedPlantError(message, where)
-    if specification.signs is Signs.ANY:
-        message = "on a frequency response the signs of the gains are those of its static gain"
-        raise UnsupportedPlantError(message, "/controller/signs")
     return _Run(specification, plant, at_rest(plant), progress).result()
 
 

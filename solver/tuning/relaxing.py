@@ -79,7 +79,9 @@ def _why_forbidden(
         Tunes a task; None where the time is over.
 
     """
-    plain = replace(specification, certificate=False, optimality_gap=False)
+    plain = replace(
+        specification, certificate=False, optimality_gap=False, model_tolerance=False, as_found=None
+    )
     free = tune(replace(plain, demands=NO_DEMANDS))
     if free is None or not free.loops:
         return None

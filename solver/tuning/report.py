@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from solver.certificate.search import PROVEN_ABOVE, prove
+from solver.model.loop_names import loops_text
 from solver.model.remarks import plant_remarks
 from solver.robustness.integrity import in_one_line
 from solver.robustness.model_tolerance import model_tolerances, tolerance_remark
@@ -52,8 +53,8 @@ __all__ = ["infeasible", "report"]
 
 ALIKE = 1e-6  # of the objective, in log: what rounding may make of equal settings
 OTHER_SIGNS = (
-    "loops {loops} have gains of the sign opposite to their own process's: they are stable only "
-    "together with the others, never alone"
+    "{loops}: gain of the sign opposite to that of the own process: stable only together with the "
+    "others, never alone"
 )
 
 
@@ -295,12 +296,12 @@ def _model_tolerance(specification: Specification, end: Settled) -> tuple[ModelT
 def _sign_warnings(specification: Specification, search: GroupingSearch) -> list[str]:
     usual = gain_signs(specification.plant, search.groups)
     turned = [
-        str(unit)
+        unit
         for group, mine, its in zip(search.groups, search.objective.signs, usual, strict=True)
         for unit in group
         if mine != its
     ]
-    return [OTHER_SIGNS.format(loops=", ".join(turned))] if turned else []
+    return [OTHER_SIGNS.format(loops=loops_text(turned))] if turned else []
 
 
 def _comparison(

@@ -8,8 +8,6 @@ symmetry makes equal are one case.
 
 from __future__ import annotations
 
-import itertools
-import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -17,7 +15,7 @@ from solver.model.blocks import LoopBlocks, marks, reduce
 from solver.model.errors import InvalidInputError
 from solver.model.given import require_fit
 from solver.model.open_loop import require_supported
-from solver.model.plants import Plant
+from solver.model.plants import MAX_MATRIX_SIZE, Plant
 from solver.model.validation import instance, integers, settle
 from solver.model.weights import Performance, Uncertainty
 
@@ -27,10 +25,19 @@ if TYPE_CHECKING:
     from solver.model.controllers import Controller
     from solver.tuning.spread import Deviation, Spread
 
-__all__ = ["AS_GIVEN", "MAX_CASES", "Case", "Scenario", "cases_of", "check_scenarios"]
+__all__ = [
+    "AS_GIVEN",
+    "MAX_CASES",
+    "Case",
+    "Scenario",
+    "cases_of",
+    "check_scenarios",
+    "sets_in_service",
+]
 
 AS_GIVEN = "as given"  # name of the plant of the request itself, all loops in service
 MAX_CASES = 300
+MAX_SETS = 10**4  # of loops in service that are looked through for different cases
 MAX_SCENARIOS = 50
 LONGEST_NAME = 100
 
@@ -205,12 +212,12 @@ def cases_of(
     wanted += [(index + 1, scenario) for index, scenario in enumerate(scenarios)]
     for index, scenario in wanted:
         own, error = scenario.plant or plant, scenario.uncertainty or uncertainty
-        for units in _sets(scenario, own, error, performance, owner):
+        where = f"/scenarios/{index - 1}"
+        for units in _sets(scenario, own, error, performance, owner, where=where):
             in_all = units == whole
             try:
                 part = own if in_all else own.part(units)
             except InvalidInputError as error_found:
-                where = f"/scenarios/{index - 1}"
                 raise error_found.within(where) from None
             case = Case(
                 part,
@@ -226,13 +233,40 @@ def cases_of(
                     known.plant, known.uncertainty, known.performance, known.units, known.owners,
                     (*known.scenarios, index),
                 )  # fmt: skip
-        if len(found) > MAX_CASES:
-            message = (
-                f"with these groups the scenarios come down to more than {MAX_CASES} different "
-                "cases: give more loops equal settings, or name fewer sets"
-            )
-            raise InvalidInputError(message, f"/scenarios/{index - 1}/in_service")
+            if len(found) > MAX_CASES:
+                message = (
+                    f"with these groups the scenarios come down to more than {MAX_CASES} different "
+                    "cases: give more loops equal settings, or name fewer sets"
+                )
+                raise InvalidInputError(message, f"{where}/in_service")
     return tuple(found.values())
+
+
+def sets_in_service(case: Case, groups: Sequence[Sequence[int]]) -> tuple[Case, ...]:
+    """Return a case for each kind of sets of its loops in service, for the demand on integrity.
+
+    Raises
+    ------
+    InvalidInputError
+        More than `MAX_CASES`, or a set of more loops than a matrix plant has.
+
+    """
+    plant, where = case.plant, "/demands/integrity"
+    every = Scenario("every set", any_in_service=tuple(range(1, plant.n + 1)))
+    if not plant.interchangeable and plant.n > MAX_MATRIX_SIZE:
+        message = (
+            f"of more than {MAX_MATRIX_SIZE} units that may not change places the sets of loops "
+            "in service are too many to look at"
+        )
+        raise InvalidInputError(message, where)
+    try:
+        return cases_of([every], plant, case.uncertainty, case.performance, groups)
+    except InvalidInputError:
+        message = (
+            f"with these groups there are more than {MAX_CASES} kinds of sets of loops in service: "
+            "give more loops equal settings"
+        )
+        raise InvalidInputError(message, where) from None
 
 
 def _sets(
@@ -241,8 +275,10 @@ def _sets(
     uncertainty: Uncertainty,
     performance: Performance,
     owner: dict[int, int],
+    *,
+    where: str,
 ) -> Iterator[tuple[int, ...]]:
-    """Yield one set of units in service of each kind."""
+    """Yield one set of units in service of each kind; `where` is the pointer of the scenario."""
     units = tuple(range(plant.n))
     if scenario.in_service is not None:
         yield scenario.in_service
@@ -257,10 +293,24 @@ def _sets(
         alike.setdefault(key, []).append(unit)
     kinds = list(alike.values())
     for count in scenario.any_in_service:
-        ways = math.comb(count + len(kinds) - 1, len(kinds) - 1)
-        for taken in itertools.islice(_shares(count, [len(k) for k in kinds]), min(ways, 10**4)):
+        sizes = [len(kind) for kind in kinds]
+        if _count_of_shares(count, sizes) > MAX_SETS:
+            message = (
+                f"any {count} of {plant.n} loops are more than {MAX_SETS} sets: "
+                "name those that occur"
+            )
+            raise InvalidInputError(message, f"{where}/in_service")
+        for taken in _shares(count, sizes):
             chosen = (u for kind, take in zip(kinds, taken, strict=True) for u in kind[:take])
             yield tuple(sorted(chosen))
+
+
+def _count_of_shares(count: int, sizes: Sequence[int]) -> int:
+    """Return how many ways there are to take `count` of things of which there are `sizes`."""
+    ways = [1] + [0] * count
+    for size in sizes:  # the coefficients of 1 + x + ... + x^size, multiplied
+        ways = [sum(ways[max(k - size, 0) : k + 1]) for k in range(count + 1)]
+    return ways[count]
 
 
 def _shares(count: int, sizes: Sequence[int]) -> Iterator[tuple[int, ...]]:

@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solver.model.errors import InvalidInputError
 from solver.model.frequencies import corners, grid, resonances
 from solver.model.peaks import Peak
 from solver.model.transfer_function import LARGEST
@@ -32,7 +31,7 @@ from solver.tuning.exact import WEAKEST, Candidate, ExactDescent
 from solver.tuning.goals import MuGoal, TauGoal
 from solver.tuning.objective import Evaluation, LoopObjective
 from solver.tuning.phases import Phases
-from solver.tuning.scenarios import Scenario, cases_of
+from solver.tuning.scenarios import sets_in_service
 from solver.tuning.service_sets import ServiceSets
 from solver.tuning.specification import ControllerKind, Objective, Specification
 from solver.tuning.spread import SpreadOutcome, lattice, refined
@@ -176,7 +175,7 @@ class GroupingSearch:
             case.scenarios[0] == 0 or (case.plant.n == task.plant.n and case.plant in task.plants)
         ):
             robust = integrity is IntegrityDemand.ROBUSTLY_STABLE
-            service = ServiceSets.of(self._sets_in_service(case), robust=robust)
+            service = ServiceSets.of(sets_in_service(case, self.groups), robust=robust)
         return LoopObjective(
             blocks,
             case.uncertainty,
@@ -188,13 +187,6 @@ class GroupingSearch:
             alone=alone,
             service=service,
         )
-
-    def _sets_in_service(self, case: Case) -> tuple[Case, ...]:
-        every = Scenario("every set", any_in_service=tuple(range(1, case.plant.n + 1)))
-        try:
-            return cases_of([every], case.plant, case.uncertainty, case.performance, self.groups)
-        except InvalidInputError as error:
-            raise InvalidInputError(error.message, "/demands/integrity") from None
 
     def worst_of_spread(self, candidate: Candidate) -> tuple[Case, SpreadOutcome, float] | None:
         """Return the worst plant found in the boxes of the cases in sight, and its exact s.

@@ -559,7 +559,11 @@ class Specification:
 def _arranged(
     plant: Plant, scan_time: float, pairing: tuple[int, ...] | None, mixing: Mixing | None
 ) -> Plant:
-    plant = sampled(plant, scan_time)
+    try:
+        plant = sampled(plant, scan_time)
+    except InvalidInputError as error:
+        where = "/controller"
+        raise error.within(where) from None
     if mixing is not None:
         plant = mixed_outputs(plant, mixing)
     return plant if pairing is None else paired(plant, pairing)

@@ -9,12 +9,18 @@ from typing import TYPE_CHECKING
 
 from solver.model.errors import UnsupportedPlantError
 from solver.model.measured import MeasuredPlant
-from solver.model.open_loop import require_supported
 from solver.model.validation import instance
 from solver.robustness.scan import scan_remark
+from solver.tuning.admission import fits, require_tunable
 from solver.tuning.bounds import gain_signs
 from solver.tuning.clock import Clock, OutOfTimeError
-from solver.tuning.feasibility import Impossibility, impossibility, other_signs
+from solver.tuning.feasibility import (
+    Impossibility,
+    contrary_signs,
+    impossibility,
+    needs_usual_signs,
+    other_signs,
+)
 from solver.tuning.given_start import given_groups, signs_of
 from solver.tuning.groupings import groupings, neighbours
 from solver.tuning.on_data import tune_on_data
@@ -71,7 +77,7 @@ def tune(
 
     """
     instance(specification, Specification, "/specification")
-    require_supported(specification.plant)
+    require_tunable(specification)
     if specification.mixing is not None and specification.mixing.inputs is not None:
         message = "loops that move combinations of inputs are tuned by solver.limits.mixed"
         raise UnsupportedPlantError(message, "/mixing/inputs")
@@ -85,14 +91,12 @@ def tune(
 def _on_data(
     specification: Specification, progress: Callable[[Progress], bool | None] | None
 ) -> Tuning:
-    if isinstance(specification.pairing, str):
-        message = "name the pairing: candidates are judged on transfer functions"
-        raise UnsupportedPlantError(message, "/pairing")
-    task = specification.arranged(None)
+    pairing, task = specification.pairing, specification.arranged(None)
+    assert not isinstance(pairing, str)  # noqa: S101 - for the type checker: refused before
     found = tune_on_data(task, progress)
     if found.status is Status.INFEASIBLE and task.demands.names:
         found = _with_the_demand_named(task, found)
-    return replace(found, pairing=specification.pairing)
+    return replace(found, pairing=pairing)
 
 
 def _tune(
@@ -199,7 +203,9 @@ class _Run:
         self, specification: Specification, progress: Callable[[Progress], bool | None] | None
     ) -> None:
         self.specification = specification
-        self.partitions = list(groupings(specification))
+        every = groupings(specification)
+        # Of those that are sought, finer ones may come down to more cases than are searched.
+        self.partitions = [*every[:1], *(each for each in every[1:] if fits(specification, each))]
         self.clock = Clock(specification.time_limit, progress, self.as_objective)
         self.solutions = Solutions(specification, self.clock)
         self.status = Status.OPTIMAL
@@ -209,12 +215,16 @@ class _Run:
         """Return tau_P, or mu, of the value s."""
         return math.exp(s if self.specification.objective is Objective.TAU_P else s / 2)
 
+    @property
+    def any_signs(self) -> bool:
+        """Whether other signs of the gains than the usual ones may be tried."""
+        free = self.specification.signs is Signs.ANY
+        return free and not needs_usual_signs(self.specification)
+
     def result(self) -> Tuning:
         """Search, choose, report."""
         forbidden = _forbidden(self.specification)
-        if forbidden is not None and (
-            forbidden.whatever_signs or self.specification.signs is Signs.USUAL
-        ):
+        if forbidden is not None and (forbidden.whatever_signs or not self.any_signs):
             return infeasible(
                 self.specification, self.partitions[0], self.clock, forbidden.reason,
                 forbidden.omega,
@@ -249,7 +259,7 @@ class _Run:
         plant = self.specification.plant
         if usual:
             self._search_all(lambda groups: [gain_signs(plant, groups)])
-        if self.specification.signs is Signs.ANY and self._chosen() is None:
+        if self.any_signs and self._chosen() is None:
             self._search_all(lambda groups: list(other_signs(self.specification, groups)))
 
     def _search_all(self, patterns: Callable[[Groups], list[tuple[float, ...]]]) -> None:
@@ -268,7 +278,11 @@ class _Run:
         # finds a better one.
         here = self._foremost()
         while here is not None:
-            around = [g for g in neighbours(here) if g not in self.partitions]
+            around = [
+                groups
+                for groups in neighbours(here)
+                if groups not in self.partitions and fits(self.specification, groups)
+            ]
             for groups in around:
                 self.partitions.append(groups)
                 self._solve(groups, patterns(groups))
@@ -338,8 +352,10 @@ class _Run:
                 self.specification, groups, self.clock, reason, None, status=Status.TIME_LIMIT
             )
         search = self.solutions.nearest()
+        contrary = contrary_signs(self.specification, groups)
+        why = "" if contrary is None else f"; {contrary}"
         if search is None or search.closest is None:
-            reason = "none were found that stabilise the loops within the parameter bounds"
+            reason = "none were found that stabilise the loops within the parameter bounds" + why
             twice = any(each.integrators > 1 for each in self.specification.plant.elements)
             if twice and "derivative_time" not in self.specification.kind.parameters:
                 reason += "; a plant that integrates twice needs a derivative: ask for PID"
@@ -348,7 +364,7 @@ class _Run:
         if slow.value <= 1:
             reason = (
                 "none were found that are stable and meet every demand: settings that keep mu <= 1 "
-                "where the search looks fail elsewhere"
+                f"where the search looks fail elsewhere{why}"
             )
             return infeasible(self.specification, groups, self.clock, reason, None)
         reason = (
@@ -358,6 +374,7 @@ class _Run:
         )
         if len(search.cases) > 1:
             reason += f", in scenario {self.specification.name_of(case)!r}"
+        reason += why
         on_bound = search.on_given_bounds(search.closest.theta)
         if on_bound:
             reason += f"; they lie on the bounds given for {', '.join(on_bound)}"

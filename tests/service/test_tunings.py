@@ -224,5 +224,11 @@ def test_unknown_job_is_404(client: httpx.Client, method: str) -> None:
 
 def test_thousand_units_are_answered(client: httpx.Client) -> None:
     """A result for n = 1000 lists a loop for each unit."""
-    job = end(client, start(client, altered(tuning(), "/plant/n", 1000)))
+    job = end(
+        client,
+        start(
+            client,
+            altered(altered(tuning(), "/plant/n", 1000), "/controller/arrangement", "identical"),
+        ),
+    )
     assert len(job["result"]["loops"]) == 1000

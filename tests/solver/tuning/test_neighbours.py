@@ -200,7 +200,7 @@ def test_parts_of_many_units() -> None:
         tune(Specification(row, UNCERTAIN, Performance(), scenarios=[scenario], **options))  # type: ignore[arg-type]
     assert caught.value.field == "/scenarios/0/in_service"
     demands = Demands(integrity="stable")  # type: ignore[arg-type]
-    with pytest.raises(InvalidInputError, match="at most 10") as caught:
+    with pytest.raises(InvalidInputError, match="may not change places") as caught:
         tune(Specification(row, UNCERTAIN, Performance(), demands=demands, **options))  # type: ignore[arg-type]
     assert caught.value.field == "/demands/integrity"
 
@@ -235,7 +235,7 @@ def test_settings_that_do_not_repeat_are_for_short_rings() -> None:
     task = Specification(ring, UNCERTAIN, Performance(), arrangement="grouped", groups=halves)  # type: ignore[arg-type]
     with pytest.raises(InvalidInputError, match="repeat") as caught:
         tune(task)
-    assert caught.value.field == "/plant/n"
+    assert caught.value.field == "/controller/groups"
     unlike = [Controller(1.0, 50.0)] * 99 + [Controller(2.0, 50.0)]
     with pytest.raises(InvalidInputError, match="repeat"):
         analyse(ring, UNCERTAIN, Performance(tau_p=20.0), unlike)
@@ -286,11 +286,12 @@ def test_rings_that_are_none_are_refused(given: dict[str, Any], field: str) -> N
 
 def test_the_command_takes_rings_and_rows(tmp_path: Any) -> None:
     """Many units with a report and step responses, few as a matrix with proof."""
-    lag = {"num": [1.0], "den": [50.0, 1.0], "dead_time": 1.0}
+    lag = {"num": [1.0], "den": [50.0, 1.0]}
     body: dict[str, Any] = {
         "plant": {"kind": "circulant", "n": 12, "process": lag, "ahead": [{**lag, "num": [0.3]}]},
         "uncertainty": {"epsilon": 0.2, "theta": 1.0},
         "controller": {"arrangement": "identical"}, "search": {"starts": 1},
+        "certificate": "none", "model_tolerance": False,
     }  # fmt: skip
     path, report = tmp_path / "ring.json", tmp_path / "ring.html"
     path.write_text(json.dumps(body), "utf-8")

@@ -302,7 +302,7 @@ def test_best_arrangement_and_comparison_on_data() -> None:
         ({"optimality_gap": True}, "/search/optimality_gap"),
         ({"spread": Spread(time_constant=0.1)}, "/spread/time_constant"),
         ({"spread": Spread(dead_time=0.1)}, "/spread/dead_time"),
-        ({"scenarios": (Scenario("model", SEED),)}, "/scenarios/0"),
+        ({"scenarios": (Scenario("model", SEED),)}, "/scenarios/0/plant"),
     ],
 )
 def test_what_needs_a_model_is_refused_by_name(options: dict[str, Any], field: str) -> None:
