@@ -42,6 +42,7 @@ _CURVE = 400  # points of the Nyquist curve
 _RANGE = 2000.0  # ratio of the longest half period looked at to the shortest
 # Below and above the cycle's frequency, where the process is looked at for an ultimate point.
 _BELOW, _ABOVE = 30.0, 1e4
+_FAR = 1e4  # over the range looked at: what is not fed through has died away
 
 
 @dataclass(frozen=True)
@@ -60,8 +61,9 @@ class Cycle:
         Of the process that the relay sees, at the cycle's frequency, measured, rad, in -2 pi..0
         with the sign of its gain turned; -pi at the ultimate point.
     ultimate : Ultimate or None
-        K_u = 4 d/(pi a) with the relay input's amplitude a, omega_u = 2 pi/T. None where the cycle
-        is not at the ultimate point: more than two switchings, or a phase far from -pi.
+        K_u = 4 d/(pi a) with the relay input's amplitude a, omega_u = 2 pi/T; 1 over the first
+        harmonic's gain where the output is no sine wave or the half periods are unequal. None where
+        the cycle is not at the ultimate point: more than two switchings, or a phase far from -pi.
     remark : str or None
         What keeps the cycle from the ultimate point, and what it tells all the same.
     cross_gains : tuple of float or None
@@ -95,7 +97,8 @@ class Theory(ByValue):
     described : Ultimate or None
         The oscillation that the describing function predicts.
     ultimate : Ultimate or None
-        The ultimate point of the process that the relay sees.
+        The ultimate point of the process that the relay sees. None where there is none, or where
+        direct feedthrough behind dead time lets no frequency be the first to lose stability.
     mcavoy : McAvoy or None
         The loop among equal ones; None without an ultimate point of the loop alone, without a
         complete pairing, for one loop or above 10.
@@ -250,12 +253,13 @@ def _cycle(
         omega=omega,
         gain=own.gain,
         phase=float(-np.mod(-own.phase - (np.pi if sign < 0 else 0.0), 2 * np.pi)),
+        described=ultimate_gain(amplitudes[wired.output], relay.amplitude),
         switchings=count,
         unevenness=_unevenness(times),
         hysteresis=relay.hysteresis > 0,
         exists=ultimate_point(_response(loop, sign), *band) is not None,
     )
-    ultimate = seen.ultimate(ultimate_gain(amplitudes[wired.output], relay.amplitude))
+    ultimate = seen.ultimate
     return Cycle(
         period=end - start,
         switchings=count,
@@ -302,12 +306,28 @@ def _theory(experiment: RelayExperiment, loop: RelayLoop) -> Theory:
     return Theory(
         solutions=periodic_solutions(loop, relay, shortest, longest),
         described=ultimate_point(response, *band, offset),
-        ultimate=ultimate_point(response, *band),
+        ultimate=_not_at_infinity(ultimate_point(response, *band), response, band[1]),
         mcavoy=_among_equals(experiment, sign, band),
         omega=omega,
         response=response(omega),
         describing_level=-float(offset),
     )
+
+
+def _not_at_infinity(
+    found: Ultimate | None,
+    response: Callable[[NDArray[np.float64]], NDArray[np.complex128]],
+    end: float,
+) -> Ultimate | None:
+    """Return an ultimate point whose gain is less than any far above it; else none.
+
+    What dead time feeds through crosses the axis for ever; where the gain rises to its value at
+    infinity, each crossing of the range looked at has a successor with less gain.
+    """
+    if found is None:
+        return None
+    far = _FAR * max(end, found.omega) * (1 + np.linspace(0, 1, _CURVE))
+    return found if np.abs(response(far)).max() < (1 - _FAR**-0.5) / found.gain else None
 
 
 def _among_equals(

@@ -20,6 +20,7 @@ __all__ = ["SeenCycle"]
 FARTHEST = math.radians(20)
 _WORTH_A_WORD = math.radians(6)
 _UNEVEN = 0.05  # of the period, by which the two half periods differ
+_NO_SINE = 0.05  # of the gain, between the describing function and the first harmonic
 
 
 @dataclass(frozen=True)
@@ -32,6 +33,8 @@ class SeenCycle:
         2 pi/T, rad per time unit.
     gain, phase : float
         Frequency response there, its static sign turned to plus; phase in rad, -2 pi..0.
+    described : float
+        4 d/(pi a), what the gain's inverse would be if the output were a sine wave.
     switchings : int
         In a period.
     unevenness : float
@@ -47,6 +50,7 @@ class SeenCycle:
     omega: float
     gain: float
     phase: float
+    described: float
     switchings: int
     unevenness: float
     hysteresis: bool
@@ -62,15 +66,21 @@ class SeenCycle:
         """Whether the cycle may stand for the ultimate point."""
         return self.exists and self.switchings == 2 and abs(self.off) <= FARTHEST
 
-    def ultimate(self, described: float) -> Ultimate | None:
-        """Return the ultimate point, `described` its gain for half periods that are equal.
+    @property
+    def ultimate(self) -> Ultimate | None:
+        """Return the ultimate point: of an even cycle near a sine wave that of the amplitudes.
 
-        Of an uneven cycle the amplitudes hold a mean; then the first harmonic counts.
+        Else the amplitudes hold a mean, or harmonics, and the first harmonic counts.
         """
         if not self.at_ultimate_point:
             return None
-        even = self.unevenness <= _UNEVEN
-        return Ultimate(described if even else 1 / self.gain, self.omega)
+        plain = self.unevenness <= _UNEVEN and not self._is_no_sine
+        return Ultimate(self.described if plain else 1 / self.gain, self.omega)
+
+    @property
+    def _is_no_sine(self) -> bool:
+        """Whether harmonics make up much of the output, as behind a dominating dead time."""
+        return abs(self.described * self.gain - 1) > _NO_SINE
 
     @property
     def remark(self) -> str | None:
@@ -102,6 +112,12 @@ class SeenCycle:
             )
         if parts and self.hysteresis and self.off > 0:
             parts.append("Less hysteresis or more amplitude comes nearer.")
+        if self.at_ultimate_point and self._is_no_sine and self.unevenness <= _UNEVEN:
+            parts.append(
+                "The output is no sine wave, as behind a dead time longer than the process's time "
+                f"constants: 4 d/(pi a) is {self.described:.4g}, but of the first harmonic the "
+                f"ultimate gain is {1 / self.gain:.4g}, and that is what counts."
+            )
         if self.unevenness > _UNEVEN:
             parts.append(
                 "The half periods are unequal: a load pushes the output to one side. Start where "

@@ -98,7 +98,8 @@ class LimitCycle(BaseModel):
         json_schema_extra={"x-unit": "rad"},
     )
     ultimate: UltimatePoint | None = Field(
-        description="By the describing function: K_u = 4 d/(pi a). Null where the cycle is not at "
+        description="By the describing function: K_u = 4 d/(pi a); by the first harmonic where the "
+        "output is no sine wave or the half periods are unequal. Null where the cycle is not at "
         "the ultimate point, by its phase (more than 20 degrees off) or its switchings.",
         examples=[{"gain": 18.0, "omega": 9.44}],
     )
