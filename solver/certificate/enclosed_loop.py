@@ -6,9 +6,10 @@ With E = I + G C, X = diag(d_i^2) and the diagonal M = |w_I|^2 C^H X C + |w_P|^2
 
 because N = [w_I C; w_P I] E^-1 [G I]. F is a sum over the inputs, without the inverse of a matrix.
 Congruence keeps its sign, so outputs may be combined by T and multiplied by powers of sigma.
-Columns of E with the element of M may be multiplied by powers of sigma too: the controllers' need
-one. Where outputs err (`solver.certificate.reduction`), the second half of the outputs is not
-demanded anything of: w_P, and the 1 of the last term, are 0 there.
+Columns of E with the element of M may be multiplied by powers of sigma too: each takes as many as
+its controller integrates, and M in its own right those of w_P. Where outputs err
+(`solver.certificate.reduction`), the second half of the outputs is not demanded anything of: w_P,
+and the 1 of the last term, are 0 there.
 """
 
 from __future__ import annotations
@@ -58,8 +59,6 @@ class ExactLoop:
         gamma^2.
     full : bool
         Whether the uncertainty is one full block: all inputs then share one D-scale.
-    settings : int
-        How many of the controllers are settings: the first ones.
 
     """
 
@@ -69,7 +68,6 @@ class ExactLoop:
     performance: Ratio
     level_squared: fmpq
     full: bool
-    settings: int
 
     @classmethod
     def of(cls, claim: Claim, most: int = MAX_SETTINGS) -> ExactLoop:
@@ -115,13 +113,7 @@ class ExactLoop:
             _performance_weight(claim.performance),
             exact(claim.gamma) ** 2,
             claim.uncertainty.structure is Structure.FULL,
-            len(settings),
         )
-
-    @property
-    def raised(self) -> int:
-        """Powers of sigma that controllers and w_P need against poles at s = 0: one or none."""
-        return max(self.performance.integrators, *(c.integrators for c in self.controllers))
 
     def X(self, scales: Sequence[float]) -> list[fmpq]:  # noqa: N802 - the matrix X
         """Return the squared D-scale that goes with each of the settings."""
@@ -129,8 +121,8 @@ class ExactLoop:
         return squares * len(self.controllers) if self.full else squares
 
     def powers(self, setting: int) -> int:
-        """Powers of sigma of a column of E: only that of a controller needs any."""
-        return self.raised if setting < self.settings else 0
+        """Powers of sigma of a column of E: one where its controller has a pole at s = 0."""
+        return self.controllers[setting].integrators
 
     def turns(self, block: ExactBlock) -> int:
         """Powers of sigma of det E of a block, its rows and columns multiplied by theirs."""
@@ -232,8 +224,8 @@ class EnclosedLoop:
         E, G, powers = parts.return_difference, parts.plant, parts.identity
         inputs, outputs = range(len(w)), range(len(T))
         over_M = [
-            M.reciprocal().scaled(self.loop.level_squared * w[i])
-            for i, M in enumerate(self._M(block, X))
+            inverse.scaled(self.loop.level_squared * w[i])
+            for i, inverse in enumerate(self._inverse_of_M(block, X))
         ]
         over_X = [w[i] / X[x] for i, x in enumerate(block.settings)]
         E_right = [[E[c][i].conjugate * over_M[i] for i in inputs] for c in outputs]
@@ -255,21 +247,28 @@ class EnclosedLoop:
         """|w_I|^2 of each of the settings, and |w_P|^2 with its powers of sigma."""
         found = [response.enclose(self.frame, 0) for response in self.loop.uncertainties]
         own = [w_I * w_I.conjugate for w_I in found]
-        w_P = self.loop.performance.enclose(self.frame, self.loop.raised)
+        w_P = self.loop.performance.enclose(self.frame, self.loop.performance.integrators)
         return own if len(own) > 1 else own * len(self._controllers), w_P * w_P.conjugate
 
-    def _M(self, block: ExactBlock, X: Sequence[fmpq]) -> list[TaylorModel]:  # noqa: N802 - the matrix
-        """Return M, its diagonal, with its powers of |sigma|^2."""
+    def _inverse_of_M(self, block: ExactBlock, X: Sequence[fmpq]) -> list[TaylorModel]:  # noqa: N802 - the matrix M
+        """Return M^-1, its diagonal, divided by the powers of |sigma|^2 of the columns of E.
+
+        Where w_P has a pole at s = 0 but the controller has none, powers of |sigma|^2 remain.
+        """
         w_I, w_P = self._weights_squared
-        controllers = [self._controllers[x] for x in block.settings]
-        uncertain = [
-            (w_I[x] * (c * c.conjugate)).scaled(X[x])
-            for c, x in zip(controllers, block.settings, strict=True)
-        ]
-        return [
-            own + w_P if demanded else own
-            for own, demanded in zip(uncertain, block.demanded, strict=True)
-        ]
+        square = self.frame.sigma * self.frame.sigma.conjugate
+        found = []
+        for x, demanded in zip(block.settings, block.demanded, strict=True):
+            controller = self._controllers[x]
+            own = (w_I[x] * (controller * controller.conjugate)).scaled(X[x])
+            powers = self.loop.powers(x)
+            wanted = self.loop.performance.integrators if demanded else powers
+            M = own * square if wanted > powers else own
+            if demanded:
+                M = M + (w_P * square if powers > wanted else w_P)
+            inverse = M.reciprocal()
+            found.append(inverse * square if wanted > powers else inverse)
+        return found
 
     def _enclose(self, block: ExactBlock) -> EnclosedBlock:
         identity, plant, return_difference = [], [], []

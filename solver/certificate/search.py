@@ -52,8 +52,8 @@ class Obstacle(StrEnum):
     UNRESOLVED: the intervals became too narrow near `omega`: (a) mu touches the level
     there: ask for a higher one, (b) a closed-loop pole lies on the imaginary axis, at s = 0 if the
     plant's static gain is singular, (c) the plant passes its input on at once and with dead time.
-    PROPORTIONAL: a loop lacks integral action, and another has it or no offset is permitted, so
-    that no D-scales serve from omega = 0 on.
+    PROPORTIONAL: a loop lacks integral action and no offset is permitted, so that no D-scales serve
+    from omega = 0 on.
     TOO_LARGE: more than `MAX_SETTINGS` loops differ, half as many where outputs err; give some of
     them equal settings.
     """
@@ -140,9 +140,9 @@ class _ObstacleMetError(Exception):
 
 
 def _leaves_powers(claim: Claim) -> bool:
-    """Whether integration in one place leaves powers of s in another that lacks it."""
-    without = [loop.integral_time is None for loop in claim.loops]
-    return any(without) and not (all(without) and claim.performance.offset > 0)
+    """Whether the plant alone integrates what the demand wants without an offset."""
+    without = any(loop.integral_time is None for loop in claim.loops)
+    return without and claim.performance.offset == 0
 
 
 class _CertificateSearch:

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy
 
+from solver.interaction.gain_ratios import unstable_speeds
 from solver.model.validation import square_matrix
 from solver.stability.singular import is_singular
 
@@ -40,7 +41,7 @@ class ControllabilityVerdict(StrEnum):
     """Whether the plant, as paired, is decentralised integral controllable.
 
     GUARANTEED: proven. IMPOSSIBLE: disproven; see `reasons`; try another pairing. UNDECIDED: the
-    necessary conditions hold and the sufficient one does not.
+    necessary conditions hold, the sufficient one does not, and no unstable reduction was found.
     """
 
     GUARANTEED = "guaranteed"
@@ -59,7 +60,8 @@ class IntegralControllability:
     reasons : tuple of str
         Each necessary condition that fails, in words.
     failing_subsets : tuple of tuple of int
-        The smallest sets of loops (from 0) whose own plant fails; the full set included.
+        The smallest sets of loops (from 0) whose own plant fails, the full set included; of an
+        unstable reduction, the set that it needs.
     smallest_eigenvalue : float
         Least real part of the eigenvalues of G+(0), the gain with the signs of the inputs
         turned so that the diagonal is positive.
@@ -118,10 +120,22 @@ def integral_controllability(gain: NDArray[np.float64]) -> IntegralControllabili
             ControllabilityVerdict.IMPOSSIBLE, tuple(reasons), tuple(failing), smallest
         )
     scaling = _diagonal_proof(positive)
-    verdict = (
-        ControllabilityVerdict.UNDECIDED if scaling is None else ControllabilityVerdict.GUARANTEED
+    if scaling is not None:
+        verdict = ControllabilityVerdict.GUARANTEED
+        return IntegralControllability(verdict, (), (), smallest, scaling)
+    speeds = unstable_speeds(positive)
+    if speeds is None:
+        return IntegralControllability(ControllabilityVerdict.UNDECIDED, (), (), smallest)
+    acting = tuple(np.flatnonzero(speeds).tolist())
+    names = ", ".join(str(loop + 1) for loop in acting)
+    shown = " : ".join(f"{speeds[loop]:.3g}" for loop in acting)
+    reason = (
+        f"loops {names}: slow integral action is unstable where the products of integral gain and "
+        f"own static gain are as {shown}, which other gains become when they are reduced"
     )
-    return IntegralControllability(verdict, (), (), smallest, scaling)
+    return IntegralControllability(
+        ControllabilityVerdict.IMPOSSIBLE, (reason,), (acting,), smallest
+    )
 
 
 def parallel_integral_controllability(matrix: ParallelMatrix) -> IntegralControllability:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -170,7 +170,7 @@ def proven_peaks(
     for search, (values, d) in zip(searches, sampled, strict=True):
         search.take(omega, values, d[:, : search.analysis.blocks.n_scales])
         search.close()
-    unstable = None if known_compiled is None else _count(*known_compiled, known)
+    unstable = None if known_compiled is None else _count(*known_compiled.loop, known)
     if isinstance(plant, NeighbourPlant) and _stable_without_neighbours(plant, known, loops):
         unstable = 0 if keeps_stable(plant, known.uncertainty, performance, loops) else None
     reason = searches[0].reason
@@ -253,22 +253,32 @@ def proven_count(plant: Plant, loops: Sequence[Controller], analysis: LoopAnalys
     """Count the closed-loop poles with Re s >= 0 by proof; None where none was found."""
     known = replace(analysis.uncertainty, outputs=None)  # poles are those without errors
     compiled = _compiled(plant, known, analysis.performance, loops)
-    return None if compiled is None else _count(*compiled, analysis)
+    return None if compiled is None else _count(*compiled.loop, analysis)
+
+
+class _Compiled(NamedTuple):
+    """The loop for the compiled enclosures, and as it is taken on intervals that begin at 0."""
+
+    loop: tuple[Tables, Scratch]
+    from_zero: tuple[Tables, Scratch]
 
 
 def _compiled(
     plant: Plant, uncertainty: Uncertainty, performance: Performance, loops: Sequence[Controller]
-) -> tuple[Tables, Scratch] | None:
+) -> _Compiled | None:
     """Return the loop for the compiled enclosures; None where it has too many settings."""
     if isinstance(plant, NeighbourPlant):
         return None  # the cosines of its modes are no rational numbers
     if width_of(plant, loops, uncertainty, performance.output_scale) > MOST_PROVEN:
         return None
     level = 1.0  # each march brings its own
-    T = tables(
-        ExactLoop.of(Claim(plant, uncertainty, performance, tuple(loops), level), MOST_PROVEN)
-    )
-    return T, scratch(T)
+    loop = ExactLoop.of(Claim(plant, uncertainty, performance, tuple(loops), level), MOST_PROVEN)
+    T = tables(loop)
+    compiled = T, scratch(T)
+    if performance.offset > 0 or all(each.integral_time is not None for each in loops):
+        return _Compiled(compiled, compiled)
+    by_columns = tables(loop, by_columns=True)
+    return _Compiled(compiled, (by_columns, scratch(by_columns)))
 
 
 def _count(T: Tables, S: Scratch, analysis: LoopAnalysis) -> int | None:
@@ -298,7 +308,7 @@ class _CurveSearch:
     def __init__(
         self,
         analysis: LoopAnalysis,
-        compiled: tuple[Tables, Scratch] | None,
+        compiled: _Compiled | None,
         curve: int,
         peak: Peak,
         *,
@@ -337,15 +347,16 @@ class _CurveSearch:
                 if self.curve == ROBUST:
                     self._prove_by_boxes()
             return
-        self._prove(*self.compiled)
+        self._prove(self.compiled)
         self._polish()
 
-    def _prove(self, T: Tables, S: Scratch) -> None:
-        high = self._end(T, S, upper=True)
+    def _prove(self, compiled: _Compiled) -> None:
+        T, S = compiled.loop
+        high = self._end(compiled, upper=True)
         if high is None and any_phase(self.analysis.blocks.plant):
             self._resolve()  # the supremum may be out there, where few phases were looked at
-            high = self._end(T, S, upper=True)
-        low = self._end(T, S, upper=False)
+            high = self._end(compiled, upper=True)
+        low = self._end(compiled, upper=False)
         if low is None or high is None:
             self.reason = "no proof towards the frequency zero"
             if high is None:
@@ -382,15 +393,15 @@ class _CurveSearch:
         """Return the ends of intervals on each of which a level is proven; none without proof."""
         if self.compiled is None:
             return []
-        T, S = self.compiled
+        T, S = self.compiled.loop
         low = high = math.sqrt(float(self.omega[0] * self.omega[-1]))
         steps = min(MAX_STEPS, STEPS_BY_SIZE // T.controllers**3)
         for _ in range(TAIL_STEPS):
-            if self._holds_beyond(T, S, low, self._y_at(low / 2), level, upper=False):
+            if self._holds_beyond(self.compiled, low, self._y_at(low / 2), level, upper=False):
                 break
             low /= TAIL_STEP
         for _ in range(TAIL_STEPS):
-            if self._holds_beyond(T, S, high, self._y_at(2 * high), level, upper=True):
+            if self._holds_beyond(self.compiled, high, self._y_at(2 * high), level, upper=True):
                 break
             high *= TAIL_STEP
         trail = np.zeros(MAX_TRAIL)
@@ -423,14 +434,14 @@ class _CurveSearch:
             low, high = max(low, high / FURTHER), min(high, FURTHER * low)
             self._look(np.geomspace(low, high, LOOKS))
 
-    def _end(self, T: Tables, S: Scratch, *, upper: bool) -> float | None:
+    def _end(self, compiled: _Compiled, *, upper: bool) -> float | None:
         """Return a frequency from which the curve is proven to the end of the axis."""
         factor = TAIL_STEP if upper else 1 / TAIL_STEP
         start = float(self.analysis.omega[-1 if upper else 0])
         ends = (start * factor ** np.arange(TAIL_STEPS)).astype(np.float64)
         ends = ends[(ends < 1e200) & (ends > 1e-200)]
         place = -1 if upper else 0
-        if self._holds_beyond(T, S, start, self.y[place], self.peak.value, upper=upper):
+        if self._holds_beyond(compiled, start, self.y[place], self.peak.value, upper=upper):
             return self._lowered(start) if upper else start
         # Inside the interval, where one set of scales serves best; where outputs err they move
         # without bound in it, and those of before it serve.
@@ -445,7 +456,7 @@ class _CurveSearch:
             self.take(inside[part][sound], values[sound], d[sound])
             for end, y in zip(ends[part][sound].tolist(), 2 * np.log(d[sound]), strict=True):
                 bracket = (1 + BRACKET) * self.peak.value
-                if not self._holds_beyond(T, S, end, y, bracket, upper=upper):
+                if not self._holds_beyond(compiled, end, y, bracket, upper=upper):
                     continue
                 limits = end * LIMITS if upper else end / LIMITS
                 decades = abs(math.log10(end / start))
@@ -481,8 +492,7 @@ class _CurveSearch:
 
     def _holds_beyond(
         self,
-        T: Tables,
-        S: Scratch,
+        compiled: _Compiled,
         end: float,
         y: NDArray[np.float64],
         level: float,
@@ -493,6 +503,10 @@ class _CurveSearch:
         if upper and any_phase(self.analysis.blocks.plant) and self._any_phase_bound(end) <= level:
             return True
         low, high = (end, math.inf) if upper else (0.0, end)
+        T, S = compiled.loop if upper else compiled.from_zero
+        if T.lifted.any():  # a squared D-scale as it is in the middle, where sigma is this one
+            sigma = 0.5 * math.frexp(end)[0]
+            y = y + 2 * math.log(sigma) * T.lifted[: y.size]
         reached, _, _ = march(
             T, S, np.array([0.0, 1.0]), np.tile(y, (2, 1)), low, high, 1.0, 0.0, 1,
             level**2, self.curve, np.zeros(T.multiplicity.size), NO_TRAIL,

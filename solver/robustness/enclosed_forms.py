@@ -8,8 +8,11 @@ With E = I + G C, X = diag(d_i^2) and the diagonal M, all in the coordinates of
 is positive definite iff sigma_max(D N_RP D^-1) < gamma (`solver.certificate.enclosed_loop`).
 Without the last term and w_P it says the same of w_I C S G, without the middle one and w_I of
 w_P S. Where outputs err, the second half of them is not demanded anything of: w_P and the 1 of the
-last term are 0 there, and the columns of their controllers, which are 1, need no power of s. The
-loop comes from the certificate's exact numbers, each rounded once.
+last term are 0 there. A column of E takes as many powers of s as its controller has poles at
+s = 0, M in its own right those of w_P; where the demand has fewer than the column, w_P alone would
+let M vanish at s = 0: on the interval from there a trifle is added, which only raises the bound. In
+place of rows, columns of G may be multiplied by powers of s (`solver.robustness.tables`). The loop
+comes from the certificate's exact numbers, each rounded once.
 """
 
 import math
@@ -40,6 +43,7 @@ ROBUST, STABILITY, NOMINAL, TURN = 0, 1, 2, 3
 ON_AXIS, IN_DISK = 0, 1
 LONGEST_TURN = 1.5  # rad of exp(-theta s) to either side of the middle; beyond, any phase stands
 CLEAR_OF_CUT = 3.0  # rad: an argument nearer to pi than this leaves could be taken for its negative
+TRIFLE = 1e-6  # of M over what makes a column of F as large as the demand
 LEAST_DETERMINANT = 1e-2  # relative to the identity's; smaller ones have no sure argument
 LARGEST_LOSS = 1e-4  # of a determinant's entries, for the same reason
 
@@ -146,16 +150,26 @@ def _enclose_matrices(T, S, var, block):
     models, spare = (S.P, S.sizes, S.radius), S.spare
     row, entry = T.row0[block], T.entry0[block]
     size = T.row0[block + 1] - row
+    powers = 0
     for r in range(size):
-        _powers(models, var, T.row_integrators[row + r] + T.raised, spare, spare + 3)
-        _powers(models, var, T.row_integrators[row + r], spare, spare + 4)
         for i in range(size):
-            raised = T.settings[row + i] < T.settings_count
+            own = T.row_integrators[row + r] + T.columns[row + i] + T.powers[T.settings[row + i]]
+            if i == 0 or own != powers:
+                powers = own
+                _powers(models, var, powers, spare, spare + 3)
             at = r * size + i
             copy_scaled(models, S.uses + T.use[entry + at], T.factor[entry + at], S.G + at)
             multiply(models, S.G + at, T.settings[row + i], S.E + at)
-            shift(models, S.E + at, T.combination[entry + at], spare + (3 if raised else 4))
+            shift(models, S.E + at, T.combination[entry + at], spare + 3)
             finish(models, S.E + at)
+
+
+@inner
+def _squares(models, a, count, square, spare):
+    """Multiply a by |sigma|^2 `count` times, if at all."""
+    for _ in range(count):
+        multiply(models, a, square, spare)
+        copy_scaled(models, spare, 1.0, a)
 
 
 @inner
@@ -164,8 +178,16 @@ def _form(T, S, var, block, x, level2, kind):
     models, spare = (S.P, S.sizes, S.radius), S.spare
     row, entry = T.row0[block], T.entry0[block]
     size = T.row0[block + 1] - row
+    square = spare + 5  # |sigma|^2
+    _powers(models, var, 1, spare, spare + 3)
+    set_zero(models, square)
+    add_product(models, spare + 3, spare + 3, 1.0, square)
+    finish(models, square)
     for i in range(size):
         setting = T.settings[row + i]
+        demanded = kind != STABILITY and T.demanded[row + i]
+        powers = T.powers[setting] + T.columns[row + i]
+        lacking = T.wanted - powers if demanded else 0
         set_zero(models, spare)
         if kind != NOMINAL:
             scale = x[0] if T.full else x[setting]
@@ -174,11 +196,22 @@ def _form(T, S, var, block, x, level2, kind):
             finish(models, spare + 1)
             own = setting if T.uncertainties > 1 else 0
             multiply(models, spare + 1, T.controllers + 1 + own, spare)
-        if kind != STABILITY and T.demanded[row + i]:
-            shift(models, spare, 1.0, T.controllers)
+            _squares(models, spare, lacking, square, spare + 1)
+        if demanded:
+            copy_scaled(models, T.controllers, 1.0, spare + 2)
+            _squares(models, spare + 2, -lacking, square, spare + 1)
+            shift(models, spare, 1.0, spare + 2)
+            if kind == NOMINAL and lacking < 0 and var[0] == 0 and var[5] >= var[4]:
+                largest = 0.0
+                for r in range(size):
+                    largest = max(largest, norm(models, S.E + r * size + i))
+                models[0][spare, 0] += max(
+                    norm(models, T.controllers), TRIFLE * level2 * largest**2
+                )
             finish(models, spare)
         if not reciprocal(models, spare, S.M + i):
             return False
+        _squares(models, S.M + i, lacking, square, spare + 1)
         for r in range(size):
             multiply(models, S.E + r * size + i, S.M + i, S.R + r * size + i)
     for r in range(size):
@@ -418,6 +451,6 @@ def holds(T, S, low, high, x, level2, kind, angles):
                 powers = 0
                 for row in range(T.row0[block], T.row0[block + 1]):
                     powers += T.row_integrators[row]
-                    powers += T.raised if T.settings[row] < T.settings_count else 0
+                    powers += T.powers[T.settings[row]]
                 angles[block] -= 0.5 * powers
     return True

@@ -27,7 +27,9 @@ class Tables(NamedTuple):
     Polynomials in s (0) and in 1/s (1), ascending: `num[0 or 1, term]` is a mantissa, `num_power`
     its power of two. A job is a term times `job_factors` powers of s that goes to the model
     `job_out`, as its first part or one more: controllers, w_P, w_I of each of them or one for all,
-    and the uses that the plant's entries make of a response.
+    and the uses that the plant's entries make of a response. `powers` of s of each controller, and
+    those `wanted` by w_P, are its poles at s = 0; rows take those of the plant, or `columns` do, as
+    many as each of the D-scales is `lifted`.
     """
 
     num: NDArray[np.float64]
@@ -50,8 +52,10 @@ class Tables(NamedTuple):
     settings: NDArray[np.int64]
     weights: NDArray[np.float64]
     row_integrators: NDArray[np.int64]
-    raised: int
-    settings_count: int
+    columns: NDArray[np.int64]
+    lifted: NDArray[np.int64]
+    powers: NDArray[np.int64]
+    wanted: int
     demanded: NDArray[np.bool_]
     multiplicity: NDArray[np.int64]
     combination: NDArray[np.float64]
@@ -60,12 +64,19 @@ class Tables(NamedTuple):
     full: bool
 
 
-def tables(loop: ExactLoop) -> Tables:
-    """Return a loop's numbers as compiled code wants them."""
+def tables(loop: ExactLoop, *, by_columns: bool = False) -> Tables:
+    """Return a loop's numbers as compiled code wants them.
+
+    `by_columns`: the plant's poles at s = 0 are taken from the columns of G, not from its rows, so
+    that a squared D-scale stands for x/|sigma^k|^2, k that of its column: without bound towards
+    s = 0, as it has to be where the plant alone integrates what a demand without offset wants.
+    """
+    integrating = _integrating(loop)
+    columns = [[integrating[setting] for setting in block.settings] for block in loop.blocks]
     terms: list[tuple[fmpq, Ratio]] = [(fmpq(0), ratio) for ratio in loop.controllers]
     terms.append((fmpq(0), loop.performance))
     jobs = [(index, loop.powers(index), index, True) for index in range(len(loop.controllers))]
-    jobs.append((len(loop.controllers), loop.raised, len(loop.controllers), True))
+    jobs.append((len(loop.controllers), loop.performance.integrators, len(loop.controllers), True))
     functions = len(terms)
     for response in loop.uncertainties:
         start = len(terms)
@@ -75,9 +86,10 @@ def tables(loop: ExactLoop) -> Tables:
     ranges: dict[int, tuple[int, int]] = {}
     uses: dict[tuple[int, int], int] = {}
     use = []
-    for block in loop.blocks:
-        for row, count in zip(block.responses, block.integrators, strict=True):
-            for response in row:
+    for block, own in zip(loop.blocks, columns, strict=True):
+        for row, of_row in zip(block.responses, block.integrators, strict=True):
+            for response, of_column in zip(row, own, strict=True):
+                count = of_column if by_columns else of_row
                 if id(response) not in ranges:
                     ranges[id(response)] = len(terms), len(terms) + len(response.terms)
                     terms += response.terms
@@ -121,9 +133,13 @@ def tables(loop: ExactLoop) -> Tables:
         entry0=np.cumsum([0, *(size * size for size in sizes)]),
         settings=np.concatenate([np.array(block.settings) for block in loop.blocks]),
         weights=np.array([_double(w) for block in loop.blocks for w in block.weights]),
-        row_integrators=np.array([count for block in loop.blocks for count in block.integrators]),
-        raised=loop.raised,
-        settings_count=loop.settings,
+        row_integrators=np.array(
+            [0 if by_columns else k for block in loop.blocks for k in block.integrators]
+        ),
+        columns=np.array([k if by_columns else 0 for own in columns for k in own]),
+        lifted=np.array(integrating) * by_columns,
+        powers=np.array([loop.powers(index) for index in range(len(loop.controllers))]),
+        wanted=loop.performance.integrators,
         demanded=np.array([demanded for block in loop.blocks for demanded in block.demanded]),
         multiplicity=np.array([block.multiplicity for block in loop.blocks]),
         combination=_entries([block.combination for block in loop.blocks]),
@@ -131,6 +147,19 @@ def tables(loop: ExactLoop) -> Tables:
         use=np.array(use),
         full=loop.full,
     )  # fmt: skip
+
+
+def _integrating(loop: ExactLoop) -> list[int]:
+    """Return the most poles at s = 0 that a column of each of the settings has, in any block.
+
+    Of all settings, where they share one D-scale.
+    """
+    found = [0] * len(loop.controllers)
+    for block in loop.blocks:
+        for row in block.responses:
+            for setting, response in zip(block.settings, row, strict=True):
+                found[setting] = max(found[setting], response.integrators)
+    return [max(found)] * len(found) if loop.full else found
 
 
 def _entries(matrices: Sequence[Sequence[Sequence[fmpq]]]) -> NDArray[np.float64]:

@@ -265,6 +265,14 @@ def test_a_loop_without_integral_action_has_no_certificate_and_says_so() -> None
     assert failure.obstacle is Obstacle.PROPORTIONAL
 
 
+def test_loops_with_and_without_integral_action_have_a_certificate_together() -> None:
+    """Each column of the loop takes the powers of s of its own controller."""
+    loops = (Controller(5.0, 50.0), Controller(8.5, None))
+    performance = Performance(tau_p=40, offset=0.5)
+    claim = Claim(first_order(2, 1, 100, 0.3), UNCERTAINTY, performance, loops, 0.606)
+    assert certified(claim).claim == claim
+
+
 def test_a_proof_that_takes_too_long_beside_a_result_says_so(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

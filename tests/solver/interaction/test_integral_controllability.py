@@ -1,11 +1,13 @@
 """DIC: limits of the parallel plant, subsets, the sufficient condition and what it promises."""
 
 import itertools
+import re
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.optimize import minimize
 
 from solver.interaction.integral_controllability import (
     ControllabilityVerdict,
@@ -93,13 +95,58 @@ def test_eigenvalue_condition_sees_more_than_relative_gains() -> None:
     assert result.smallest_eigenvalue == pytest.approx(-0.5)
 
 
-def test_gap_between_the_conditions_is_undecided() -> None:
-    """A gain that meets the necessary conditions on every subset and has no diagonal proof."""
-    gain = np.array([[1.8, 2.1, -0.3], [2.7, -0.3, 0.7], [1.8, 0.2, -0.5]])
-    result = integral_controllability(gain)
-    assert result.verdict is ControllabilityVerdict.UNDECIDED
+def _least_routh(positive: np.ndarray) -> float:
+    """Return the infimum over d > 0 of (E1 E2 - E3)/(d1 d2 d3) of diag(d) G for n = 3.
+
+    Routh's condition: negative means unstable. E1 E2/(d1 d2 d3) is convex in log d.
+    """
+    own = np.diag(positive)
+    minor = np.outer(own, own) - positive * positive.T
+    others = [(i, j, 3 - i - j) for i in range(3) for j in range(3) if i != j]
+    constant = sum(own[i] * minor[j, k] for i, j, k in others) / 2
+    found = minimize(
+        lambda y: sum(own[i] * minor[i, j] * np.exp(y[i] - y[k]) for i, j, k in others),
+        np.zeros(3),
+    )
+    return float(constant + found.fun - np.linalg.det(positive))
+
+
+@pytest.mark.parametrize(
+    ("gain", "refuted"),
+    [
+        ([[1.8, 2.1, -0.3], [2.7, -0.3, 0.7], [1.8, 0.2, -0.5]], True),
+        ([[-0.8, 3.0, 0.5], [-0.8, -1.3, 2.5], [1.7, 0.0, 0.8]], True),
+        ([[0.2, 0.2, 0.5], [1.7, -0.8, 0.0], [-0.7, -1.2, 0.3]], True),
+        ([[-0.8, -1.2, -1.4], [0.8, -0.3, 0.1], [0.3, 0.5, 0.6]], False),
+        ([[0.1, 1.0, 0.4], [-0.5, 1.5, -0.6], [0.2, 2.4, 0.9]], False),
+    ],
+)
+@pytest.mark.parametrize("units", [(1.0, 1.0, 1.0), (1e4, 1.0, 1e-5)])
+def test_gains_between_the_conditions_are_refuted_where_a_reduction_is_unstable(
+    gain: list[list[float]], units: tuple[float, ...], *, refuted: bool
+) -> None:
+    """Exactly where Routh's condition fails for some ratio; the ratios that are told show it."""
+    numbers = np.array(gain) * np.array(units)[:, None] / np.array(units[::-1])
+    positive = numbers * np.sign(np.diag(numbers))
+    result = integral_controllability(numbers)
     assert result.scaling is None
-    assert result.smallest_eigenvalue > 0
+    assert (_least_routh(np.array(gain) * np.sign(np.diag(gain))) < 0) is refuted
+    if not refuted:
+        assert result.verdict is ControllabilityVerdict.UNDECIDED
+        return
+    assert result.verdict is ControllabilityVerdict.IMPOSSIBLE
+    assert result.failing_subsets == ((0, 1, 2),)
+    told = re.search(r"are as (.*), which", result.reasons[0])
+    assert told is not None
+    speeds = np.array([float(each) for each in told[1].split(" : ")])
+    assert np.linalg.eigvals((speeds / np.diag(positive))[:, None] * positive).real.min() < 0
+
+
+def test_a_loop_that_does_not_matter_is_no_part_of_an_unstable_reduction() -> None:
+    """Three loops of four fail, beside one without interaction."""
+    gain = np.eye(4)
+    gain[:3, :3] = [[1.8, 2.1, -0.3], [2.7, -0.3, 0.7], [1.8, 0.2, -0.5]]
+    assert integral_controllability(gain).failing_subsets == ((0, 1, 2),)
 
 
 @given(n=st.integers(1, 6), seed=st.integers(0, 2**32 - 1))

@@ -318,6 +318,31 @@ def test_hysteresis_that_hides_the_ultimate_point_is_said() -> None:
     assert outcome.theory.ultimate.omega == pytest.approx(0.2015, abs=1e-4)
 
 
+@pytest.mark.parametrize(("dead_time", "within"), [(20.0, 1e-3), (5.0, 1e-2), (1.0, 4e-2)])
+def test_an_output_that_is_no_sine_wave_is_measured_by_its_harmonic(
+    dead_time: float, within: float
+) -> None:
+    """e^(-Ls)/(s + 1): 4 d/(pi a) is up to 26 % high behind a long dead time, and 11 % low at 1."""
+    outcome = alone(TransferFunction([1.0], [1, 1], dead_time), Relay(1.0), 40 * dead_time)
+    cycle, ultimate = outcome.cycle, outcome.theory.ultimate
+    assert cycle is not None
+    assert cycle.ultimate is not None
+    assert ultimate is not None
+    assert cycle.ultimate.gain == pytest.approx(ultimate.gain, rel=within)
+    assert cycle.remark is not None
+    assert "no sine wave" in cycle.remark
+
+
+@pytest.mark.parametrize("zero", [0.5, 0.9])
+def test_feedthrough_behind_dead_time_has_no_first_frequency_to_lose_stability(
+    zero: float,
+) -> None:
+    """(s + z) e^(-s)/(s + 1) crosses the axis at ever less gain: none of them is the ultimate."""
+    assert alone(TransferFunction([1, zero], [1, 1], 1.0), Relay(1.0), 40.0).theory.ultimate is None
+    slower = alone(TransferFunction([1, 3], [1, 1], 1.0), Relay(1.0), 40.0)
+    assert slower.theory.ultimate is not None
+
+
 def test_process_without_ultimate_point_gets_none() -> None:
     """A first-order lag oscillates under hysteresis, but at no gain in a loop."""
     outcome = alone(TransferFunction([2.0], [10, 1]), Relay(1.0, 0.02), 10.0)

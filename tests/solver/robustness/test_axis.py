@@ -10,7 +10,7 @@ from solver.certificate.search import certify
 from solver.certificate.verify import check
 from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError
-from solver.model.plants import MatrixPlant, ParallelPlant, first_order
+from solver.model.plants import MatrixPlant, ParallelPlant, Plant, first_order
 from solver.model.transfer_function import TransferFunction
 from solver.model.weights import Performance, Uncertainty
 from solver.robustness.analysis import analyse
@@ -19,9 +19,11 @@ from solver.robustness.record import GuaranteeStatus
 from solver.stability.closed_loop import is_stable
 from tests.solver.robustness.unusual_loops import (
     UnusualLoop,
+    best_bound,
     dense_peak,
     draw,
     draw_any,
+    matrices,
     unstable_count,
 )
 from tests.zoo import ZOO
@@ -171,6 +173,46 @@ def test_proportional_control_of_integrating_loops_needs_no_offset() -> None:
         plant, Uncertainty.from_error(0.2, 1), performance, [Controller(0.05, None)]
     )
     assert found.peaks.robust_performance.value < 10
+
+
+LEVEL, SHARED = (TransferFunction([gain], [1.0, 0.0], 0.1) for gain in (1.0, 0.2))
+HEATED = MatrixPlant(
+    [
+        [LEVEL, TransferFunction([0.3], [5.0, 1.0])],
+        [TransferFunction([0.2], [3.0, 1.0]), TransferFunction([1.0], [10.0, 1.0], 0.2)],
+    ]
+)
+
+
+@pytest.mark.parametrize(
+    ("plant", "loops", "offset"),
+    [
+        (first_order(2, 1, 100, 0.949), [Controller(5, 50), Controller(8.5, None)], 0.5),
+        (
+            first_order(4, 1, 100, 0.3),
+            [Controller(5 + k, (50, None)[k % 2]) for k in range(4)],
+            0.5,
+        ),
+        (HEATED, [Controller(0.5, 50), Controller(0.2, None)], 0.1),
+        (HEATED, [Controller(0.5, None), Controller(0.2, 5)], 0.0),
+        (ParallelPlant(2, LEVEL, SHARED), [Controller(0.5, None), Controller(0.2, None)], 0.0),
+        (ParallelPlant(2, LEVEL, SHARED), [Controller(0.5, 50), Controller(0.2, None)], 0.0),
+    ],
+)
+def test_loops_with_and_without_integral_action_are_proven_side_by_side(
+    plant: Plant, loops: list[Controller], offset: float
+) -> None:
+    """Down to zero, whatever integrates there: the controller, the plant, or neither."""
+    uncertainty = Uncertainty.from_error(0.2, 1)
+    performance = Performance(tau_p=40, offset=offset)
+    axis = proven_peaks(plant, uncertainty, performance, loops)
+    assert axis.guarantee.status is GuaranteeStatus.PROVEN
+    assert axis.unstable == 0
+    drawn = UnusualLoop(plant, uncertainty, performance, tuple(loops))
+    level = axis.guarantee.level
+    assert dense_peak(drawn, 0.999 * level, points=500) <= level * (1 + 1e-9)
+    low = np.geomspace(1e-12, 1e-4, 9)
+    assert all(best_bound(N) <= level * (1 + 1e-6) for N in matrices(drawn, low))
 
 
 @pytest.mark.parametrize(

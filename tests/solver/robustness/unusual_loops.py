@@ -81,6 +81,10 @@ def draw_any(rng: np.random.Generator) -> UnusualLoop:
             lag if "F" in kind else None,
         )
     offset = 0.0 if "I" in kind else 10 ** rng.uniform(-3, 0)
+    if "I" in kind and rng.random() < 0.2:  # one of the settings without integral action
+        first = drawn.loops[0]
+        changed[first] = replace(changed[first], integral_time=None)
+        offset = 10 ** rng.uniform(-3, 0)
     return replace(
         drawn,
         uncertainty=Uncertainty(drawn.uncertainty.weight, Structure(structure)),
