@@ -52,7 +52,7 @@ __all__ = [
     "require_bounded",
 ]
 
-MOST_PROVEN = 40  # different settings: some ten seconds; the work grows with the fourth power
+MOST_PROVEN = 60  # different settings: half a minute; the work grows with the fourth power
 MOST = 100  # different settings: a minute or two without a proof
 BRACKET = 1e-4  # relative width of what is proven; a touch of the level cannot be
 FIRST_STEP = 0.7  # log(ratio) of the ends of the first interval
@@ -340,7 +340,10 @@ class _CurveSearch:
         if self.compiled is None:
             err = self.analysis.uncertainty.outputs is not None
             most = MOST_PROVEN // 2 if err else MOST_PROVEN
-            self.reason = f"more than {most} loops differ"
+            self.reason = (
+                f"more than {most} loops differ, beyond the proof; the peak is the highest of the "
+                "samples; settings that several loops share count once"
+            )
             self._resolve()
             if isinstance(self.analysis.blocks.plant, NeighbourPlant):
                 self.reason = "of rings and rows the peak of robust performance alone is proven"
@@ -384,8 +387,9 @@ class _CurveSearch:
             low = reached
             self._look(low * np.exp(np.linspace(-1, AHEAD, LOOKS) * log_ratio))
             log_ratio = min(AHEAD * log_ratio, FIRST_STEP)
-        self.reason = (
-            f"no proof near omega = {low:.6g} rad per time unit: the curve varies too quickly there"
+        self.reason = f"no proof near omega = {low:.6g} rad per time unit: "
+        self.reason += (
+            "the curve varies too quickly there" if steps > 0 else "it takes too many steps"
         )
         self._resolve()
 
