@@ -21,7 +21,8 @@ __all__ = ["Effort", "different_loops", "of_different_loops", "of_readings", "re
 
 _LIBRARIES = 300e6  # bytes of a process before it computes
 # Measured: 40 different loops take 7 s, 60 take 22 s, 80 take 51 s: the cube of their number, from
-# the matrices of N_RP and their eigenvalues; a proof, of up to 60, adds a third. 40 take 421 MB, 60 take 579 MB, 80 take 694 MB.
+# the matrices of N_RP and their eigenvalues; a proof, of up to 60, adds a third. 40 take 421 MB,
+# 60 take 579 MB, 80 take 694 MB.
 _SECONDS = 1e-4
 _BYTES = 77e3
 # Records of noise, of which nothing can be told, take twice as long as this.

@@ -105,7 +105,8 @@ def test_too_many_different_loops_leave_the_question_open(
 def test_a_proof_of_too_many_steps_is_given_up_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nothing is said of the curve where the steps ran out."""
     monkeypatch.setattr("solver.robustness.axis.MAX_STEPS", 3)
-    axis = proven_peaks(*PUBLISHED)
+    task = first_order(2, 1, 100, 0.949), Uncertainty.from_error(0.2, 1), Performance(tau_p=TAU_P)
+    axis = proven_peaks(*task, [Controller(46.3, 101), Controller(22.8, 3.15)])
     assert axis.guarantee.status is GuaranteeStatus.OPEN
     assert axis.guarantee.reason is not None
     assert "too many steps" in axis.guarantee.reason
