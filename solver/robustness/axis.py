@@ -25,9 +25,9 @@ from solver.model.errors import InvalidInputError
 from solver.model.neighbours import NeighbourPlant
 from solver.model.peaks import Peak, greatest, tops, zoom
 from solver.model.plants import MatrixPlant
+from solver.mu.recomputed import NOMINAL, ROBUST, STABILITY
 from solver.robustness.box_proof import keeps_stable, proven_box
 from solver.robustness.curves import LoopAnalysis
-from solver.robustness.enclosed_forms import NOMINAL, ROBUST, STABILITY
 from solver.robustness.followed import followed_count
 from solver.robustness.march import march
 from solver.robustness.record import Curves, Guarantee, GuaranteeStatus, Peaks
@@ -157,7 +157,7 @@ def proven_peaks(
         )
         known_compiled = _compiled(plant, without, performance, loops)
     omega = analysis.omega
-    sampled = [analysis.level(kind, omega) for kind in (ROBUST, STABILITY, NOMINAL)]
+    sampled = analysis.sampled((ROBUST, STABILITY, NOMINAL), omega)
     curves = Curves(omega, *(values for values, _ in sampled))
     searches = [
         _CurveSearch(
@@ -206,7 +206,7 @@ def kept(
     omega = analysis.omega
     verdicts = []
     for curve in (ROBUST, STABILITY):
-        values, d = analysis.level(curve, omega)
+        values, d = analysis.sampled((curve,), omega)[0]
         top = int(np.argmax(values))
         if values[top] <= level:
             start = level / (1 + BRACKET) if values[top] < CLEAR * level else float(values[top])
@@ -236,7 +236,7 @@ def require_bounded(analysis: LoopAnalysis, loops: Sequence[Controller]) -> None
     if analysis.performance.offset > 0 or not without:
         return
     end = analysis.omega[0]
-    at_end, far = analysis.nominal_performance(np.array([end, end / FURTHER]))
+    at_end, far = analysis.level(NOMINAL, np.array([end, end / FURTHER]))[0]
     if far > math.sqrt(FURTHER) * at_end:
         which = "loop" if len(without) == 1 else "loops"
         names = ", ".join(str(unit + 1) for unit in without[:NAMED])

@@ -17,14 +17,14 @@ from solver.model.blocks import LoopBlocks
 from solver.model.frequencies import corners, grid, low_end, reach, resonances
 from solver.model.peaks import greatest, maxima, slices
 from solver.mu.kernel import FINE
+from solver.mu.recomputed import NOMINAL, ROBUST, STABILITY, recomputed
 from solver.mu.scaling import sweep
-from solver.mu.structure import sigma_max
-from solver.robustness.block_bounds import greatest_bound, interconnections
+from solver.robustness.block_bounds import interconnections
 from solver.robustness.record import Curves, Peaks
 from solver.stability.singular import equilibrate, has_empty_line
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
@@ -37,6 +37,7 @@ POINTS_PER_DECADE = 24
 BEYOND = 0.1  # the grid goes on so far beyond where the loop's gain can last be one
 MAX_ENTRIES = 1_000_000  # of matrices that are held at once: 16 MB each, and a dozen of them
 BEST_CONDITION = 1e12  # of the return difference, rows and columns equilibrated: four digits left
+EVERY = (ROBUST, STABILITY, NOMINAL)
 LOWEST = 1e-18  # of the lowest bend: slower directions are singular to working accuracy
 
 
@@ -68,7 +69,7 @@ class LoopAnalysis:
         assert self.performance.tau_p is not None  # noqa: S101 - for the type checker
         bends = np.append(bends, 1 / self.performance.tau_p)
         lowest = float(bends.min())
-        low = low_end(self.robust_performance, 1e-4 * lowest, LOWEST * lowest)
+        low = low_end(lambda w: self.level(ROBUST, w)[0], 1e-4 * lowest, LOWEST * lowest)
         # The loop's own rates may lie far from those of its parts.
         slow, fast = reach(plant, self.controllers)
         low, high = min(low, BEYOND * slow), max(1e2 * bends.max(), fast / BEYOND)
@@ -76,11 +77,15 @@ class LoopAnalysis:
 
     def scales(self, omega: NDArray[np.float64]) -> NDArray[np.float64]:
         """Optimal D-scales d (k, scales) of robust performance at `omega`."""
-        return self._scales(self._at(omega), 1.0)
+        return np.asarray(np.exp(0.5 * self._log_scales(ROBUST, self._at(omega))))
 
     def matrices(self, omega: NDArray[np.float64]) -> list[NDArray[np.complex128]]:
         """N_RP of each block, (k, m + its outputs, ...) complex: uncertain channels first."""
-        return self._at(omega).matrices
+        return interconnections(
+            self.blocks, self.blocks.packed(omega), self._controllers(omega),
+            self.blocks.responses(self.uncertainty, omega),
+            self.performance.weight.response(omega),
+        )  # fmt: skip
 
     def resolved(self, omega: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Whether rounding leaves S some digits at `omega` (k,).
@@ -89,7 +94,7 @@ class LoopAnalysis:
         of integrators that differ in dead time is towards zero.
         """
         sound = np.ones(omega.size, dtype=bool)
-        c = np.stack([controller.response(omega) for controller in self.controllers], axis=-1)
+        c = self._controllers(omega)
         for block, G in zip(
             self.blocks.blocks, self.blocks.known(np.complex128(1j) * omega), strict=True
         ):
@@ -100,46 +105,74 @@ class LoopAnalysis:
         return sound
 
     def robust_performance(self, omega: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Upper bound of mu(N_RP) at `omega` (k,)."""
-        return self._piecewise(self._robust_performance, omega)
+        """Upper bound of mu(N_RP) at `omega` (k,); errors as of `sampled`, as in the next two."""
+        return self.sampled((ROBUST,), omega)[0][0]
 
     def robust_stability(self, omega: NDArray[np.float64]) -> NDArray[np.float64]:
         """Upper bound of mu(w_I C S G) at `omega` (k,)."""
-        return self._piecewise(self._robust_stability, omega)
+        return self.sampled((STABILITY,), omega)[0][0]
 
     def nominal_performance(self, omega: NDArray[np.float64]) -> NDArray[np.float64]:
         """sigma_max(w_P S) at `omega` (k,)."""
-        return self._piecewise(self._nominal_performance, omega)
+        return self.sampled((NOMINAL,), omega)[0][0]
 
     def level(
         self, curve: int, omega: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """One of the three curves at `omega` (k,), and the D-scales d (k, scales) behind it.
 
-        0 is robust performance, 1 robust stability, 2 nominal performance, whose scales are one.
+        `ROBUST` performance, robust `STABILITY`, or `NOMINAL` performance, whose scales are one. A
+        value is no number where S is singular.
         """
-        parts = [self._level(curve, self._at(omega[part])) for part in self._parts(omega.size)]
-        values, scales = zip(*parts, strict=True)
-        return np.concatenate(values), np.concatenate(scales)
+        return self.levels((curve,), omega)[0]
+
+    def levels(
+        self, curves: Sequence[int], omega: NDArray[np.float64]
+    ) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+        """Return what `level` says of each of several curves."""
+        loops = [self._at(omega[part]) for part in self._parts(omega.size)]
+        found = []
+        for curve in curves:
+            values, scales = zip(*(self._level(curve, loop) for loop in loops), strict=True)
+            found.append((np.concatenate(values), np.concatenate(scales)))
+        return found
 
     def _level(
         self, curve: int, loop: _KernelData
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        if curve == 0:
-            d = self._scales(loop, 1.0)
-            return self._robust_performance(loop, d), d
-        if curve == 1:
-            d = self._scales(loop, 0.0)
-            return self._robust_stability(loop, d), d
-        return self._nominal_performance(loop), np.ones((len(loop.c), self.blocks.n_scales))
+        y = self._log_scales(curve, loop)
+        layout = self.blocks.layout
+        return recomputed(curve, loop.G, loop.c, loop.u, loop.b, layout, y), np.exp(0.5 * y)
 
     def curves(self, omega: NDArray[np.float64]) -> Curves:
-        """Robust performance, robust stability and nominal performance at `omega` (k,)."""
-        parts = []
-        for part in self._parts(omega.size):
-            loop = self._at(omega[part])
-            parts.append([curve(loop) for curve in self._curves])
-        return Curves(omega, *(np.concatenate(each) for each in zip(*parts, strict=True)))
+        """Robust performance, robust stability and nominal performance at `omega` (k,).
+
+        Raises
+        ------
+        ArithmeticError
+            As `sampled`.
+
+        """
+        return Curves(omega, *(values for values, _ in self.sampled(EVERY, omega)))
+
+    def sampled(
+        self, curves: Sequence[int], omega: NDArray[np.float64]
+    ) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+        """Return what `levels` does where each value must be a number.
+
+        Raises
+        ------
+        ArithmeticError
+            One is none: I + G C is singular.
+
+        """
+        found = self.levels(curves, omega)
+        for values, _ in found:
+            if not np.isfinite(values).all():
+                where = omega[np.argmin(np.isfinite(values))]
+                message = f"the loop is singular at omega = {where:.6g} rad per time unit"
+                raise ArithmeticError(message)
+        return found
 
     def peaks(self, curves: Curves) -> Peaks:
         """Peaks of the three curves, refined from those on a grid."""
@@ -150,22 +183,15 @@ class LoopAnalysis:
 
         def side_by_side(parts: list[NDArray[np.float64]]) -> list[NDArray[np.float64]]:
             if len(self._parts(sum(part.size for part in parts))) > 1:
-                return [
-                    self._piecewise(curve, part)
-                    for curve, part in zip(self._curves, parts, strict=True)
-                ]
+                return [self.level(*each)[0] for each in zip(EVERY, parts, strict=True)]
             loop = self._at(np.concatenate(parts))
             return [
-                curve(loop[part]) for curve, part in zip(self._curves, slices(parts), strict=True)
+                self._level(curve, loop[part])[0]
+                for curve, part in zip(EVERY, slices(parts), strict=True)
             ]
 
         on_grid = curves.robust_performance, curves.robust_stability, curves.nominal_performance
         return maxima(side_by_side, [(curves.omega, curve) for curve in on_grid])
-
-    def _piecewise(
-        self, curve: Callable[[_KernelData], NDArray[np.float64]], omega: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        return np.concatenate([curve(self._at(omega[part])) for part in self._parts(omega.size)])
 
     def _parts(self, count: int) -> list[slice]:
         """Return slices of so many frequencies, each with matrices that fit the memory."""
@@ -173,67 +199,36 @@ class LoopAnalysis:
         at_once = max(1, MAX_ENTRIES // entries)
         return [slice(first, first + at_once) for first in range(0, max(count, 1), at_once)]
 
-    @property
-    def _curves(self) -> tuple[Callable[[_KernelData], NDArray[np.float64]], ...]:
-        return self._robust_performance, self._robust_stability, self._nominal_performance
+    def _controllers(self, omega: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Responses (k, controllers)."""
+        return np.stack([controller.response(omega) for controller in self.controllers], axis=-1)
 
     def _at(self, omega: NDArray[np.float64]) -> _KernelData:
-        c = np.stack([controller.response(omega) for controller in self.controllers], axis=-1)
-        G = self.blocks.packed(omega)
-        w_I = self.blocks.responses(self.uncertainty, omega)
-        w_P = self.performance.weight.response(omega)
-        matrices = interconnections(self.blocks, G, c, w_I, w_P)
-        # A kernel compiles anew, for a minute, for arrays of another order in memory.
-        u = np.ascontiguousarray(np.abs(w_I) ** 2)
-        return _KernelData(G, c, u, np.abs(w_P) ** 2, matrices)
+        return _KernelData(
+            self.blocks.packed(omega),
+            self._controllers(omega),
+            self.blocks.squared(self.uncertainty, omega),
+            self.performance.magnitude(omega) ** 2,
+        )
 
-    def _robust_performance(
-        self, loop: _KernelData, d: NDArray[np.float64] | None = None
-    ) -> NDArray[np.float64]:
-        """Upper bound of mu(N_RP), (k,), from its best scales unless `d` are given."""
-        d = self._scales(loop, 1.0) if d is None else d
-        return greatest_bound(self.blocks, loop.matrices, d, performance=True)
-
-    def _robust_stability(
-        self, loop: _KernelData, d: NDArray[np.float64] | None = None
-    ) -> NDArray[np.float64]:
-        """Upper bound of mu(w_I C S G), (k,), from its best scales unless `d` are given."""
-        d = self._scales(loop, 0.0) if d is None else d
-        return greatest_bound(self.blocks, loop.matrices, d, performance=False)
-
-    def _nominal_performance(self, loop: _KernelData) -> NDArray[np.float64]:
-        """sigma_max(w_P S), (k,)."""
-        values = [
-            sigma_max(N[:, block.size :, block.size :])
-            for block, N in zip(self.blocks.blocks, loop.matrices, strict=True)
-        ]
-        return np.asarray(np.max(values, axis=0))
-
-    def _scales(self, loop: _KernelData, performance: float) -> NDArray[np.float64]:
-        """Optimal D-scales (k, scales); `performance` 0 is robust stability alone."""
+    def _log_scales(self, curve: int, loop: _KernelData) -> NDArray[np.float64]:
+        """Log of the squared D-scales (k, scales) that are best for a curve; of NOMINAL zeros."""
         y = np.zeros((len(loop.c), self.blocks.n_scales))
         all_free = cold = True  # named here: positional booleans say nothing
-        sweep(
-            loop.G, loop.c, loop.u, performance * loop.b, self.blocks.layout,
-            all_free, FINE, cold, y,
-        )  # fmt: skip
-        return np.asarray(np.exp(0.5 * y))
+        if curve != NOMINAL:
+            b = loop.b if curve == ROBUST else np.zeros_like(loop.b)
+            sweep(loop.G, loop.c, loop.u, b, self.blocks.layout, all_free, FINE, cold, y)
+        return y
 
 
 @dataclass(frozen=True)
 class _KernelData:
-    """A loop at k frequencies.
-
-    `G`, `c`, `u`, `b`: as `solver.mu.scaling.sweep` takes them; `matrices`: N_RP of each block.
-    """
+    """A loop at k frequencies: as `solver.mu.scaling.sweep` takes it, `b` being |w_P|^2."""
 
     G: NDArray[np.complex128]
     c: NDArray[np.complex128]
     u: NDArray[np.float64]
     b: NDArray[np.float64]
-    matrices: list[NDArray[np.complex128]]
 
     def __getitem__(self, part: slice) -> _KernelData:
-        return _KernelData(
-            self.G[part], self.c[part], self.u[part], self.b[part], [N[part] for N in self.matrices]
-        )
+        return _KernelData(self.G[part], self.c[part], self.u[part], self.b[part])

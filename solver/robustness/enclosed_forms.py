@@ -19,6 +19,7 @@ import math
 
 import numpy as np
 
+from solver.mu.recomputed import NOMINAL, STABILITY
 from solver.mu.workspace import inner
 from solver.robustness.rounded_models import (
     DEGREE,
@@ -36,10 +37,10 @@ from solver.robustness.rounded_models import (
     shift,
 )
 
-__all__ = ["NOMINAL", "ROBUST", "STABILITY", "TURN", "holds"]
+__all__ = ["TURN", "holds"]
 
 # Robust performance, robust stability, nominal performance, and the argument of det E.
-ROBUST, STABILITY, NOMINAL, TURN = 0, 1, 2, 3
+TURN = 3  # beside the curves of `solver.mu.recomputed`: the winding
 ON_AXIS, IN_DISK = 0, 1
 LONGEST_TURN = 1.5  # rad of exp(-theta s) to either side of the middle; beyond, any phase stands
 CLEAR_OF_CUT = 3.0  # rad: an argument nearer to pi than this leaves could be taken for its negative

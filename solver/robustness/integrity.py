@@ -310,15 +310,20 @@ def in_one_line(
     kinds = _kinds(groups)
     if len(kinds) > MAX_PROVEN:
         return summarise(service_classes(plant, uncertainty, performance, loops, whole=whole))
-    sets = Subsets(plant, tuple(loops[group[0]] for group in groups), np.array(kinds, dtype=float))
     rows = []
-    for kind, stable in zip(kinds, (sets.unstable_poles() == 0).tolist(), strict=True):
+    if whole is not None:  # its loops are stable, or there were no peaks
+        top, _ = whole
+        kept_by_all = _kept(top.robust_stability), _kept(top.robust_performance)
+        rows, kinds = [(1, True, *kept_by_all)], kinds[1:]
+    controllers = tuple(loops[group[0]] for group in groups)
+    stable_ones = []
+    if kinds:
+        sets = Subsets(plant, controllers, np.array(kinds, dtype=float))
+        stable_ones = (sets.unstable_poles() == 0).tolist()
+    for kind, stable in zip(kinds, stable_ones, strict=True):
         robust = performing = False
         units = _units(groups, kind)
-        if stable and len(units) == plant.n and whole is not None:
-            top = whole[0]
-            robust, performing = _kept(top.robust_stability), _kept(top.robust_performance)
-        elif stable:
+        if stable:
             part, remaining = subsystem(plant, loops, units)
             robust, performing = kept(
                 part,

@@ -13,7 +13,7 @@ from solver.certificate.record import Claim
 from solver.certificate.reduction import settings_of
 from solver.model.errors import MutuneError
 from solver.model.weights import Uncertainty
-from solver.robustness.enclosed_forms import NOMINAL
+from solver.mu.recomputed import NOMINAL
 from solver.robustness.followed import MAX_STEPS, followed_count
 from solver.robustness.march import march
 from solver.robustness.tables import Scratch, Tables, scratch, tables

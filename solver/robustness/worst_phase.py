@@ -20,7 +20,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from solver.model.weights import Structure
-from solver.robustness.enclosed_forms import NOMINAL, STABILITY
+from solver.mu.recomputed import NOMINAL, STABILITY
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

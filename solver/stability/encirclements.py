@@ -86,7 +86,7 @@ class LoopBatch:
             size = np.abs(values)
             with np.errstate(divide="ignore", invalid="ignore"):
                 return _Determinant(values / size, np.log(size))
-        at_once = max(1, MAX_ENTRIES // self.loop_gain(omega[:1]).size)
+        at_once = max(1, MAX_ENTRIES // self.direct.size)
         parts = [
             _determinant(self.loop_gain(omega[first : first + at_once]))
             for first in range(0, omega.size, at_once)
@@ -250,7 +250,7 @@ def _turns(
     values, log_size = batch.determinant(omega)
     lost: NDArray[np.bool_] = np.zeros(values.shape[1:], dtype=bool)
     # A determinant of many loops rises faster than each of them: a factor e for every four.
-    size = 1 if batch.factors is not None else batch.loop_gain(omega[:1]).shape[-1]
+    size = 1 if batch.factors is not None else batch.direct.shape[-1]
     steep = max(1.0, 0.25 * size)
     most, exhausted = MAX_POINTS + 4 * omega.size, False
     while True:

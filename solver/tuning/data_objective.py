@@ -69,8 +69,8 @@ class DataObjective(LoopObjective):
 
     sets: tuple[DataSet, ...] = ()
 
-    def _is_stable(self, theta: NDArray[np.float64], det: NDArray[np.complex128]) -> bool:
-        del det
+    def _is_stable(self, theta: NDArray[np.float64], *, winds: bool, rests: bool) -> bool:
+        del winds, rests
         controllers = self.controllers(theta)
         return all(each.stable(controllers) for each in self.sets)
 

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 import daqp
 import numpy as np
 
-from solver.tuning.program import NEAR_ACTIVE, quadratic, ranges, room_planes, updated
+from solver.tuning.program import NEAR_ACTIVE, program, room_planes, updated
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -194,8 +194,10 @@ class _Model:
             left = self.box.limits - self.box.rows @ here.theta
             limits[filled : filled + below] = np.maximum(left, 0.0)
             filled += below
-        lower, upper = ranges(here.theta, self.box.low, self.box.high, self.radius, limits[:filled])
-        H, f = quadratic(self.B, self.objective.penalty)
+        H, f, lower, upper = program(
+            self.B, self.objective.penalty, here.theta, self.box.low, self.box.high, self.radius,
+            limits[:filled],
+        )  # fmt: skip
         sense = np.zeros(upper.size, dtype=np.int32)
         x, _, flag, info = daqp.solve(
             H, f, A[:filled], upper, lower, sense, primal_tol=FEASIBILITY, eps_prox=0

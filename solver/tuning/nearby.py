@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from solver.model.weights import Performance
+    from solver.tuning.objective import Evaluation
     from solver.tuning.search import GroupingSearch
     from solver.tuning.settle import Settled
     from solver.tuning.specification import Specification
@@ -37,8 +38,10 @@ __all__ = ["fine_objective", "moves", "tolerance"]
 ALLOWED = 0.05  # share of tau_P, or of mu, that moves of the settings may cost
 POINTS_PER_DECADE = 44  # a peak between them, even a kink, exceeds them by less than 1e-4
 STEPS = np.log([1.02, 1.1, 1.4, 2.5, 10.0])  # distances at which the limit is first sought
-NARROW = 1e-3  # in log: as close as the limit is sought,
+NARROW = 1e-3  # of the distance: as close as the limit is sought,
 REFINED = 12  # in at most so many steps
+BEYOND = 0.4 * NARROW  # of where the lines cross the limit: the next step tells on which side it is
+FORETOLD = 3  # crossings that are foretold before the next step outwards
 VISITS = 4  # of the limit, each with a new direction
 SHORTER = 0.98  # share of the least joint move at which single ones are looked at
 LOWER = 0.95  # of all gains
@@ -102,7 +105,7 @@ def moves(
         judged = objective
     names = objective.kind.parameters
     limit = 2 * math.log(level)
-    near = _Near(judged, _fewer(coarse, judged, theta), theta, limit)
+    near = _Near.of(coarse, judged, theta, limit)
     ranges = []
     for index, sign in _signs(objective):
         value = sign * math.exp(theta[index])
@@ -141,15 +144,48 @@ def _signs(objective: Together) -> list[tuple[int, float]]:
     return [(i, float(objective.signs[i // per]) if i % per == 0 else 1.0) for i in range(count)]
 
 
-def _fewer(coarse: Together, fine: Together, theta: NDArray[np.float64]) -> Together:
-    """Return a fine objective with what is near its maxima at `theta`, and of the rest the grid."""
-    here = fine.evaluate(theta).of_each
+def _fewer(coarse: Together, fine: Together, here: Evaluation) -> Together:
+    """Return a fine objective with what is near its maxima `here`, and of the rest the grid."""
     kept = []
-    for part, own, at_first in zip(fine.parts, here, coarse.parts, strict=True):
+    for part, own, at_first in zip(fine.parts, here.of_each, coarse.parts, strict=True):
         top = np.flatnonzero(tops(-own.level))
         near = np.unique(np.clip(top[:, None] + BESIDE, 0, part.omega.size - 1))
         kept.append(np.union1d(part.omega[near], at_first.omega))
     return fine.at(kept, [np.empty(0)] * len(kept))
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """What a move along a direction meets: the excess of a limit, and lines that it follows.
+
+    Attributes
+    ----------
+    step : float
+        How far along the direction.
+    excess : float
+        The greatest of all frequencies; infinite where the loops are unstable.
+    heights, slopes : (k,)
+        Of each frequency, and how it changes along the direction.
+
+    """
+
+    step: float
+    excess: float
+    heights: NDArray[np.float64]
+    slopes: NDArray[np.float64]
+
+    @property
+    def crossing(self) -> float:
+        """Where the lines first cross the limit, outwards or back; infinite where they do not."""
+        inside = self.excess <= 0
+        crossing = self.slopes > 0 if inside else (self.slopes > 0) & (self.heights > 0)
+        if not math.isfinite(self.excess) or not crossing.any():
+            return math.inf
+        return self.step - float((self.heights[crossing] / self.slopes[crossing]).max())
+
+    def or_outside(self, there: _Seen) -> tuple[_Seen, _Seen | None]:
+        """Return the last point inside and the first outside, this one being inside."""
+        return (there, None) if there.excess <= 0 else (self, there)
 
 
 @dataclass(frozen=True)
@@ -160,53 +196,79 @@ class _Near:
     few: Together
     theta: NDArray[np.float64]
     limit: float
+    fine_here: Evaluation
+    few_here: Evaluation
 
-    def excess(self, move: NDArray[np.float64]) -> float:
-        """Return the excess, of the fewer frequencies."""
-        return self.few.evaluate(self.theta + move).value - self.limit
+    @classmethod
+    def of(
+        cls, coarse: Together, fine: Together, theta: NDArray[np.float64], limit: float
+    ) -> _Near:
+        """Return that of a fine objective, with the frequencies of a coarse one."""
+        here = fine.evaluate(theta)
+        few = _fewer(coarse, fine, here)
+        return cls(fine, few, theta, limit, here, few.evaluate(theta))
 
-    def _fine_excess(self, move: NDArray[np.float64]) -> float:
-        return self.fine.evaluate(self.theta + move).value - self.limit
+    def moved(self, move: NDArray[np.float64], *, fine: bool = False) -> Evaluation:
+        """Evaluate a move, on the fewer frequencies or on all."""
+        # From scales of their own: those at `theta` are too far off where eigenvalues meet.
+        return (self.fine if fine else self.few).evaluate(self.theta + move)
 
     def distance(self, direction: NDArray[np.float64]) -> float | None:
         """Return how far one may go in a direction; None: ten times as far at least.
 
         All frequencies have the last word.
         """
-        found = _distance(self.excess, direction)
-        if self._fine_excess((STEPS[-1] if found is None else found) * direction) <= 0:
+        found = self._distance(direction, fine=False)
+        last = (STEPS[-1] if found is None else found) * direction
+        if self.moved(last, fine=True).value <= self.limit:
             return found
-        return _distance(self._fine_excess, direction)
+        return self._distance(direction, fine=True)
 
+    def _distance(self, direction: NDArray[np.float64], *, fine: bool) -> float | None:
+        """Return how far one may go in a direction; None: ten times as far at least.
 
-def _distance(
-    excess: Callable[[NDArray[np.float64]], float], direction: NDArray[np.float64]
-) -> float | None:
-    """Return how far one may go in a direction; None: ten times as far at least."""
-    inside, before, outside = 0.0, None, None
-    for step in STEPS:
-        value = excess(step * direction)
-        if value > 0:
-            outside, after = float(step), value
-            break
-        inside, before = float(step), value
-    if outside is None:
+        By the lines that the levels follow, from step to step outwards and then between the last
+        point inside and the first one outside.
+        """
+
+        def look(step: float) -> _Seen:
+            return seen(step, self.moved(step * direction, fine=fine))
+
+        def seen(step: float, here: Evaluation) -> _Seen:
+            heights, slopes = -here.level - self.limit, -here.gradient @ direction
+            return _Seen(step, here.value - self.limit, heights, slopes)
+
+        inside = seen(0.0, self.fine_here if fine else self.few_here)
+        if inside.excess > 0:
+            return 0.0
+        outside: _Seen | None = None
+        for step in STEPS.tolist():
+            # Where the lines foretell a crossing before the next step, look there first.
+            for _ in range(FORETOLD):
+                near = inside.crossing * (1 + BEYOND)
+                if outside is None and inside.step < near < step:
+                    inside, outside = inside.or_outside(look(near))
+            if outside is None:
+                inside, outside = inside.or_outside(look(step))
+            if outside is not None:
+                return _between(look, inside, outside)
         return None
-    if before is None:
-        before = excess(0 * direction)
+
+
+def _between(look: Callable[[float], _Seen], inside: _Seen, outside: _Seen) -> float:
+    """Return the limit between a point inside and one outside, from inside."""
     for _ in range(REFINED):
-        if outside - inside <= NARROW * outside:
+        width = outside.step - inside.step
+        if width <= NARROW * outside.step:
             break
-        share = 0.5
-        if math.isfinite(after) and before < 0:  # regula falsi, kept off the ends
-            share = min(max(before / (before - after), 0.1), 0.9)
-        middle = inside + share * (outside - inside)
-        value = excess(middle * direction)
-        if value > 0:
-            outside, after = middle, value
-        else:
-            inside, before = middle, value
-    return inside
+        step = inside.step + 0.5 * width
+        for near in (outside.crossing * (1 - BEYOND), inside.crossing * (1 + BEYOND)):
+            if inside.step + NARROW * width < near < outside.step - NARROW * width:
+                step = near
+                break
+        there = look(step)
+        inside, outside = (there, outside) if there.excess <= 0 else (inside, there)
+    return inside.step
 
 
 def _together(near: _Near) -> tuple[SettingMove, ...]:
@@ -215,7 +277,8 @@ def _together(near: _Near) -> tuple[SettingMove, ...]:
     best = _along_gradients(near)
     for single in (way * axis for axis in np.eye(size) for way in (-1.0, 1.0)):
         shortest = float(np.linalg.norm(best)) if best is not None else float(STEPS[-1])
-        if near.excess(SHORTER * shortest * single) > 0:  # one setting alone does it sooner
+        if near.moved(SHORTER * shortest * single).value > near.limit:
+            # One setting alone does it sooner.
             distance = near.distance(single)
             if distance is not None and distance < shortest:
                 best = distance * single
@@ -230,7 +293,7 @@ def _together(near: _Near) -> tuple[SettingMove, ...]:
 def _along_gradients(near: _Near) -> NDArray[np.float64] | None:
     """Return the shortest move to the limit along gradients, turned at each visit."""
     best: NDArray[np.float64] | None = None
-    for first in _gradients(near.few, near.theta):
+    for first in _gradients(near.few, near.few_here):
         direction = first
         for _ in range(VISITS):
             distance = near.distance(direction)
@@ -238,16 +301,15 @@ def _along_gradients(near: _Near) -> NDArray[np.float64] | None:
                 break
             if best is None or distance < np.linalg.norm(best):
                 best = distance * direction
-            turned = _gradients(near.few, near.theta + distance * direction)
+            turned = _gradients(near.few, near.moved(distance * direction))
             if not turned or turned[0] @ direction > 1 - NARROW:
                 break
             direction = turned[0]
     return best
 
 
-def _gradients(objective: Together, theta: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-    """Return the directions in which the highest maxima of mu rise, of length one."""
-    here = objective.evaluate(theta)
+def _gradients(objective: Together, here: Evaluation) -> list[NDArray[np.float64]]:
+    """Return the directions in which the highest maxima of mu rise `here`, of length one."""
     if not math.isfinite(here.value):
         return []
     s = -here.level

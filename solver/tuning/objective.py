@@ -21,9 +21,8 @@ import numpy as np
 
 from solver.model.controllers import Controller
 from solver.mu.kernel import FINE
-from solver.mu.workspace import TINY
-from solver.tuning.goal_levels import judged
-from solver.tuning.loop_levels import ends_at_rest, loop_levels, winds_as_stable
+from solver.tuning.judged_loop import judged_loop, vertices
+from solver.tuning.loop_levels import loop_levels
 from solver.tuning.specification import ControllerKind
 
 if TYPE_CHECKING:
@@ -213,11 +212,14 @@ class LoopObjective:
             if near is not None:
                 peaks = self._followed(theta, near)
             samples = samples + self._samples(peaks)
-        omega, cold = samples.omega, near is None
-        y = np.zeros((omega.size, self.blocks.n_scales)) if near is None else near.y.copy()
-        level, gradient, det = self._sweep(samples, theta, y, self.nu, cold=cold)
-        value, s, demand, slope, missing = judged(level, omega, samples.saturated, self.goal.terms)
-        stable = self._is_stable(theta, det[: self.omega.size])
+        cold = near is None
+        y = np.zeros((samples.omega.size, self.blocks.n_scales)) if near is None else near.y.copy()
+        level, gradient, demand, slope, value, s, missing, winds, rests = judged_loop(
+            theta, self.signs, self._lead, samples.omega, samples.G, samples.u, samples.b,
+            samples.saturated, self.blocks.layout, self.goal.terms, self.omega.size, self.nu,
+            cold, y,
+        )  # fmt: skip
+        stable = self._is_stable(theta, winds=winds, rests=rests)
         limits: tuple[LoopsAlone | ServiceSets | None, ...] = (self.alone, self.service)
         for beside in limits:
             if beside is None:
@@ -240,9 +242,9 @@ class LoopObjective:
             value = merit = math.inf
         return Evaluation(theta, value, s, merit, level, gradient, demand, slope, y, peaks)
 
-    def _is_stable(self, theta: NDArray[np.float64], det: NDArray[np.complex128]) -> bool:  # noqa: ARG002 - where the grid alone does not tell
-        """Whether det (k, blocks) on the grid turns as that of a stable loop, and ends there."""
-        return bool(winds_as_stable(det, self.omega)) and (self._restless or ends_at_rest(det))
+    def _is_stable(self, theta: NDArray[np.float64], *, winds: bool, rests: bool) -> bool:  # noqa: ARG002 - where the grid alone does not tell
+        """Whether det(I + G C) turns on the grid as that of a stable loop, and ends there."""
+        return winds and (self._restless or rests)
 
     def with_s(self, here: Evaluation, s: float) -> Evaluation:
         """Return an evaluation with the demands of another s; its merit stays."""
@@ -257,54 +259,23 @@ class LoopObjective:
 
         `FORBIDDEN` where there is none. Says nothing about stability.
         """
-        y = np.zeros((omega.size, self.blocks.n_scales))
-        return self._levels(theta, omega, y, cold=True)
-
-    def _levels(
-        self,
-        theta: NDArray[np.float64],
-        omega: NDArray[np.float64],
-        y: NDArray[np.float64],
-        *,
-        cold: bool,
-    ) -> NDArray[np.float64]:
-        level = self._sweep(self._samples(omega), theta, y, FINE, cold=cold)[0]
-        return np.maximum(level, FORBIDDEN)
+        y, cold = np.zeros((omega.size, self.blocks.n_scales)), True
+        samples = self._samples(omega)
+        level = loop_levels(
+            theta, self.signs, self._lead, omega, samples.G, samples.u, samples.b,
+            self.blocks.layout, not self.goal.skewed, FINE, cold, y,
+        )[0]  # fmt: skip
+        return np.asarray(np.maximum(level, FORBIDDEN))
 
     def _followed(self, theta: NDArray[np.float64], near: Evaluation) -> NDArray[np.float64]:
-        """Return the peaks at `theta`, each at the vertex of a parabola.
-
-        It goes through the highest of the points around and its neighbours: another peak may be
-        as near as the farthest point.
-        """
-        log_peaks, row = np.log(near.peaks), np.arange(near.peaks.size)
+        """Return the peaks at `theta`, from where a neighbour saw them."""
+        log_peaks = np.log(near.peaks)
         scales = near.y[-near.peaks.size :]
         for around in AROUND:
-            points = log_peaks + around[:, None]
-            omega = np.exp(points.ravel())
-            y = np.tile(scales, (around.size, 1))
-            level = self._levels(theta, omega, y, cold=False)
-            excess = (self.goal.demand(near.s, omega)[0] - level).reshape(points.shape)
-            top = np.minimum(np.maximum(excess.argmax(axis=0), 1), around.size - 2)
-            low, middle, high = (points[top + i, row] for i in (-1, 0, 1))
-            left, here, right = (excess[top + i, row] for i in (-1, 0, 1))
-            rise, fall = (here - left) / (middle - low), (here - right) / (high - middle)
-            share = rise / np.maximum(rise + fall, TINY)
-            vertex = 0.5 * (low + middle) + 0.5 * (high - low) * share
-            log_peaks = np.minimum(np.maximum(vertex, low), high)
-        return np.exp(log_peaks)
-
-    def _sweep(
-        self,
-        samples: _Samples,
-        theta: NDArray[np.float64],
-        y: NDArray[np.float64],
-        nu: float,
-        *,
-        cold: bool,
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.complex128]]:
-        level, gradient, det = loop_levels(
-            theta, self.signs, self._lead, samples.omega, samples.G, samples.u, samples.b,
-            self.blocks.layout, not self.goal.skewed, nu, cold, y,
-        )  # fmt: skip
-        return level, gradient, det
+            samples = self._samples(np.exp((log_peaks + around[:, None]).ravel()))
+            log_peaks = vertices(
+                theta, self.signs, self._lead, samples.omega, samples.G, samples.u, samples.b,
+                self.blocks.layout, self.goal.terms, FINE, near.s, log_peaks, around, scales,
+                FORBIDDEN,
+            )  # fmt: skip
+        return np.asarray(np.exp(log_peaks))

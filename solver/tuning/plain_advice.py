@@ -13,6 +13,7 @@ from solver.model.plants import MAX_MATRIX_SIZE
 from solver.model.subsystems import subsystem
 from solver.robustness.axis import proven_peaks
 from solver.simulation.estimated import estimated_overshoot
+from solver.simulation.exact_overshoot import exact_overshoot
 from solver.simulation.experiment import Experiment, Step, StepKind
 from solver.simulation.loops import Loop
 from solver.simulation.step_response import step_response
@@ -185,11 +186,14 @@ def _alone(specification: Specification, tuning: Tuning) -> Iterator[str]:
 
 def _overshoot(part: Plant, loop: Controller, shown: float) -> float:
     """Return by how much a loop exceeds a set-point step; 0 where it is small or not known."""
+    step = Step(StepKind.SETPOINT, 0, 0.0, 1.0)
+    closed = (Loop.of(loop).without_traces(shown),)
+    exact = exact_overshoot(part.element(0, 0), closed[0].controller, shown)
+    if exact is not None:
+        return exact
     about = estimated_overshoot(part, loop, shown)
     if about is not None and about < CALM:
         return 0.0
-    step = Step(StepKind.SETPOINT, 0, 0.0, 1.0)
-    closed = (Loop.of(loop).without_traces(shown),)
     try:
         response = step_response(Experiment(part, closed, (step,), shown))
     except InvalidInputError:  # no simulation holds the plant

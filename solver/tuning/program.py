@@ -4,7 +4,7 @@ import numpy as np
 
 from solver.mu.workspace import compiled
 
-__all__ = ["NEAR_ACTIVE", "quadratic", "ranges", "room_planes", "updated"]
+__all__ = ["NEAR_ACTIVE", "program", "room_planes", "updated"]
 
 CURVATURE_OF_S = 1e-2  # makes the program strictly convex; of no effect as ds goes to 0
 LEAST_CURVATURE = 1e-3  # keeps B regular; the radius, not this, limits the step
@@ -12,20 +12,6 @@ NEAR_ACTIVE = 4.0  # frequencies with more room than this cannot become active i
 FARTHEST_S = 3.0  # change of s in one step
 MOST_MISSED = 1e3
 NEVER = -1e30
-
-
-@compiled
-def quadratic(B, penalty):
-    """Hessian (m + 2, m + 2) and gradient (m + 2,) in the step, ds and e."""
-    size = B.shape[0]
-    H, f = np.zeros((size + 2, size + 2)), np.zeros(size + 2)
-    for i in range(size):
-        for j in range(size):
-            H[i, j] = B[i, j]
-        H[i, i] += LEAST_CURVATURE
-    H[size, size] = H[size + 1, size + 1] = CURVATURE_OF_S
-    f[size], f[size + 1] = 1.0, penalty
-    return H, f
 
 
 @compiled
@@ -67,17 +53,42 @@ def room_planes(gradient, room, other, base, slope, A, limits, filled):
 
 
 @compiled
-def ranges(theta, low, high, radius, limits):
-    """Lower and upper bounds of the step, ds and e, and of the rows behind them."""
+def program(B, penalty, theta, low, high, radius, limits):
+    """Hessian and gradient in the step, ds and e, and bounds of these and of the rows behind them.
+
+    Parameters
+    ----------
+    B : (m, m)
+        Curvature.
+    penalty : float
+        Price of e.
+    theta, low, high : (m,)
+        The present point and its bounds.
+    radius : float
+        Longest step.
+    limits : (rows,)
+        Upper limits of the rows.
+
+    Returns
+    -------
+    H, f, lower, upper : (m + 2, m + 2), (m + 2,), (m + 2 + rows,), (m + 2 + rows,)
+
+    """
     size, rows = theta.size, limits.size
+    H, f = np.zeros((size + 2, size + 2)), np.zeros(size + 2)
     lower, upper = np.full(size + 2 + rows, NEVER), np.empty(size + 2 + rows)
     for i in range(size):
+        for j in range(size):
+            H[i, j] = B[i, j]
+        H[i, i] += LEAST_CURVATURE
         lower[i] = max(low[i] - theta[i], -radius)
         upper[i] = min(high[i] - theta[i], radius)
+    H[size, size] = H[size + 1, size + 1] = CURVATURE_OF_S
+    f[size], f[size + 1] = 1.0, penalty
     lower[size], upper[size] = -FARTHEST_S, FARTHEST_S
     lower[size + 1], upper[size + 1] = 0.0, MOST_MISSED
     upper[size + 2 :] = limits
-    return lower, upper
+    return H, f, lower, upper
 
 
 @compiled

@@ -10,9 +10,9 @@ from solver.model.controllers import Controller
 from solver.model.plants import MatrixPlant
 from solver.model.transfer_function import TransferFunction
 from solver.model.weights import Performance, Structure, Uncertainty
+from solver.mu.recomputed import NOMINAL, ROBUST, STABILITY
 from solver.robustness.axis import proven_peaks
 from solver.robustness.curves import LoopAnalysis
-from solver.robustness.enclosed_forms import NOMINAL, ROBUST, STABILITY
 from solver.robustness.record import GuaranteeStatus
 from solver.robustness.worst_phase import any_phase, bound_beyond, far_phases
 from tests.solver.robustness.unusual_loops import draw_any
