@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from solver.model.weights import Performance
 
-__all__ = ["Goal", "MuGoal", "TauGoal"]
+__all__ = ["LARGEST_S", "Goal", "MuGoal", "TauGoal"]
 
 LARGEST_S = 300.0  # e^s and its square times any omega^2 are numbers: penalties may be larger
 

@@ -16,6 +16,7 @@ from solver.tuning.bounds import gain_signs
 from solver.tuning.clock import OutOfTimeError
 from solver.tuning.demand_checks import outcomes
 from solver.tuning.endless import remarks
+from solver.tuning.goals import LARGEST_S
 from solver.tuning.nearby import tolerance
 from solver.tuning.output_units import output_units_warning
 from solver.tuning.plain_advice import plain_advice
@@ -326,6 +327,7 @@ def _summary(specification: Specification, search: GroupingSearch, clock: Clock)
         local_optima=tuple(
             LocalOptimum(clock.as_objective(optimum.value), optimum.count, loops(optimum.theta))
             for optimum in search.optima
+            if optimum.value < LARGEST_S  # else what it lacks, not what it reaches
         ),
         seed=specification.seed,
         elapsed_seconds=clock.elapsed,

@@ -6,8 +6,10 @@ import numpy as np
 
 from solver.model.plants import first_order
 from solver.model.weights import Performance, Uncertainty
+from solver.tuning.clock import Clock
 from solver.tuning.exact import Candidate
-from solver.tuning.search import Freedom, GroupingSearch
+from solver.tuning.report import _summary
+from solver.tuning.search import FoundOptimum, Freedom, GroupingSearch
 from solver.tuning.settle import settled
 from solver.tuning.specification import Objective, Specification
 
@@ -26,3 +28,13 @@ def test_settings_on_the_edge_of_stability_step_back_from_it() -> None:
     found = settled(task, search, Candidate(on_edge, 2 * math.log(seen), (), 0.0), None)
     assert found is not None
     assert found.peaks.robust_performance.value < 1.1 * seen
+
+
+def test_an_optimum_that_meets_no_demand_is_not_told() -> None:
+    """Near the limit of feasibility an optimum's value may be a penalty: e^800 is no number."""
+    task = Specification(first_order(1, 1, 10, 0), Uncertainty.from_error(0.2, 1), Performance())
+    search = GroupingSearch(task, Freedom.usual(task, ((0,),)), lambda: None)
+    theta = np.array([1.0, 2.0])
+    search.optima = [FoundOptimum(theta, 0.5, 3), FoundOptimum(theta, 800.0, 1)]
+    summary = _summary(task, search, Clock(None, None, math.exp))
+    assert [found.count for found in summary.local_optima] == [3]
