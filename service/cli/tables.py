@@ -172,7 +172,8 @@ def _headline(result: TuningResult, *, interrupted: bool) -> str:
         "time_limit": f"{'Interrupted' if interrupted else 'Time limit reached'}; the best so far",
     }
     if not result.loops:
-        return f"{ended[result.status]}: nothing found yet."
+        why = "" if result.reason is None else f" ({result.reason})"
+        return f"{ended[result.status]}: nothing found yet{why}."
     unmet = "" if result.demand_met is not False else "Demand not met. "
     return f"{unmet}{ended[result.status]}: {_objective(result)}"
 

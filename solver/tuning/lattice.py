@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from contextlib import suppress
 from dataclasses import replace
 from decimal import Decimal
 from typing import TYPE_CHECKING
@@ -16,6 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.mu.kernel import FINE
+from solver.tuning.clock import OutOfTimeError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -97,6 +99,16 @@ class Lattice:
         starts.update(self._roundings(optima[0]))
         for point in sorted(starts, key=self._value)[:FROM]:
             self._descend(point)
+        return self._foremost()
+
+    def hurried(self, theta: NDArray[np.float64]) -> list[tuple[float, Point]]:
+        """Return the best of the roundings of one optimum and around, as far as time permits."""
+        with suppress(OutOfTimeError):
+            self._descend(min(self._roundings(theta), key=self._value))
+        return self._foremost()
+
+    def _foremost(self) -> list[tuple[float, Point]]:
+        """Return the best feasible ones of the points looked at, with their s, best first."""
         order = sorted(self.known, key=self.known.__getitem__)
         least = ((self.known[point], point) for point in order[:PROVEN])
         return [(value, point) for value, point in least if value < INFEASIBLE]

@@ -8,6 +8,7 @@ Stability is decided by the turns of det(I + G C) on the data (`solver.stability
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -59,6 +60,7 @@ __all__ = ["tune_on_data"]
 
 ROUNDING = 1e-9  # relative addition to tau_P that keeps mu <= 1 under rounding
 LARGEST_S = math.log(LARGEST)  # of tau_P, or mu^2, that is no number to be told any more
+TO_ROUND = 1.0  # seconds after the end, in which the best so far is made what can be typed in
 WORTH_IT = 1.0  # per cent that unlike settings must gain before 'best' prefers them
 
 
@@ -136,6 +138,8 @@ class _Run:
                 typed = self._typed(exact)
             except OutOfTimeError:
                 self.late = True
+                typed = self._typed_late(exact)
+            if typed is None and self.late:
                 reason = "the time limit came before numbers that the controllers accept were found"
                 return self._without(search, reason, None)
             if typed is None:
@@ -170,12 +174,19 @@ class _Run:
         gain = 100 * (1 - self._as_objective(end.value) / identical)
         return Comparison(identical, one.loops[0], gain)
 
-    def _typed(self, end: _End) -> _End | None:
+    def _typed_late(self, end: _End) -> _End | None:
+        """Return such numbers near the best settings; None: none in the time that this may take."""
+        self.clock.grant(TO_ROUND)
+        with suppress(OutOfTimeError):
+            return self._typed(end, hurried=True)
+        return None
+
+    def _typed(self, end: _End, *, hurried: bool = False) -> _End | None:
         """Return the best settings among the numbers that the controllers accept."""
         search = end.search
         best: _End | None = None
         for _ in range(len(search.cases) + SPREAD_ROUNDS):
-            best = self._on_lattice(end)
+            best = self._on_lattice(end, hurried=hurried)
             if best is None:
                 return None
             worst = search.over_spread(best.theta)
@@ -184,7 +195,7 @@ class _Run:
             search.include(worst[1])
         return None
 
-    def _on_lattice(self, end: _End) -> _End | None:
+    def _on_lattice(self, end: _End, *, hurried: bool) -> _End | None:
         search, resolution = end.search, self.task.resolution
         assert resolution is not None  # noqa: S101 - for the type checker
         objective = search.exact
@@ -193,16 +204,17 @@ class _Run:
             here = objective.evaluate(phases.box.clip(theta))
             if not math.isfinite(here.merit):
                 return None
-            found = phases.best(objective, here, EXACT)
-            return found.theta if math.isfinite(found.value) else None
+            polished = phases.best(objective, here, EXACT)
+            return polished.theta if math.isfinite(polished.value) else None
 
         lattice = Lattice(resolution, objective, search.phases, descend, self.clock.tick)
         best: _End | None = None
         others = [optimum.theta for optimum in search.optima[1:4]]
-        for seen, point in lattice.best([end.theta, *others]):
+        found = lattice.hurried(end.theta) if hurried else lattice.best([end.theta, *others])
+        for seen, point in found:
             if best is not None and seen >= best.value:
                 break
-            typed = lattice.polished(point)
+            typed = point if hurried else lattice.polished(point)
             theta = lattice.theta(typed)
             loops = _expanded(search, lattice.controllers(typed))
             value = max(search.of_all(theta))

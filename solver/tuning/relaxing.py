@@ -57,7 +57,7 @@ def with_the_demands_named(
         if limit is not None:
             if spent > limit + LEAST_TIME:
                 return None
-            task = replace(task, time_limit=max(limit - spent, LEAST_TIME))
+            task = replace(task, time_limit=max((limit - spent) / 2, LEAST_TIME))
         tuning = tune(task)
         spent += tuning.search.elapsed_seconds
         return tuning
@@ -80,7 +80,12 @@ def _why_forbidden(
 
     """
     plain = replace(
-        specification, certificate=False, optimality_gap=False, model_tolerance=False, as_found=None
+        specification,
+        certificate=False,
+        optimality_gap=False,
+        model_tolerance=False,
+        as_found=None,
+        rough=True,  # nothing is told of these settings but tau_p
     )
     free = tune(replace(plain, demands=NO_DEMANDS))
     if free is None or not free.loops:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
     from solver.optimality.record import Optimality
     from solver.robustness.model_tolerance import ModelTolerance
     from solver.robustness.record import Guarantee
+    from solver.tuning.beside import PriceOfResolution
     from solver.tuning.clock import Clock
     from solver.tuning.groupings import Groups
     from solver.tuning.search import GroupingSearch
@@ -52,6 +54,7 @@ from solver.tuning.spread_proof import proven_spread
 
 __all__ = ["infeasible", "report"]
 
+TO_ROUND = 1.0  # seconds after the end, in which the best so far is made what can be typed in
 ALIKE = 1e-6  # of the objective, in log: what rounding may make of equal settings
 OTHER_SIGNS = (
     "{loops}: gain of the sign opposite to that of the own process: stable only together with the "
@@ -82,15 +85,9 @@ def report(
         return _none_kept(specification, search, chosen, clock, status)
     price = None
     if specification.resolution is not None:
-        try:
-            found = rounded(specification, solutions, search, end, clock)
-        except OutOfTimeError:
-            reason = "the time limit came before numbers that the controllers accept were found"
-            return infeasible(
-                specification, search.groups, clock, reason, None, status=Status.TIME_LIMIT
-            )
+        found, status = _rounded(specification, solutions, search, end, clock, status=status)
         if found is None:
-            return infeasible(specification, search.groups, clock, too_coarse(end), None)
+            return _none_rounded(specification, search, end, clock, status)
         end, price = found
     demands = outcomes(
         specification.demands, specification.plants, end.loops, specification.uncertainties
@@ -164,6 +161,37 @@ def report(
         end.axes[deciding].peaks.robust_performance.omega,
     )  # fmt: skip
     return replace(result, advice=(*result.advice, *sentences))
+
+
+def _rounded(
+    specification: Specification,
+    solutions: Solutions,
+    search: GroupingSearch,
+    end: Settled,
+    clock: Clock,
+    *,
+    status: Status,
+) -> tuple[tuple[Settled, PriceOfResolution] | None, Status]:
+    """Return settings that controllers accept, if there are; where time is over those nearby."""
+    try:
+        return rounded(specification, solutions, search, end, clock), status
+    except OutOfTimeError:
+        clock.grant(TO_ROUND)
+    found = None
+    with suppress(OutOfTimeError):
+        found = rounded(specification, solutions, search, end, clock, hurried=True)
+    clock.end()
+    return found, Status.TIME_LIMIT
+
+
+def _none_rounded(
+    specification: Specification, search: GroupingSearch, end: Settled, clock: Clock, status: Status
+) -> Tuning:
+    """Return that no numbers that the controllers accept were found."""
+    if status is not Status.TIME_LIMIT:
+        return infeasible(specification, search.groups, clock, too_coarse(end), None)
+    reason = "the time limit came before numbers that the controllers accept were found"
+    return infeasible(specification, search.groups, clock, reason, None, status=status)
 
 
 def _none_kept(

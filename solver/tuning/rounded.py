@@ -42,6 +42,8 @@ def rounded(
     search: GroupingSearch,
     end: Settled,
     clock: Clock,
+    *,
+    hurried: bool = False,
 ) -> tuple[Settled, PriceOfResolution] | None:
     """Return the best settings that can be typed in, and what they cost; None: none were found.
 
@@ -57,6 +59,8 @@ def rounded(
         The best settings without a resolution.
     clock : Clock
         Asked for time; may raise to stop.
+    hurried : bool
+        Whether to look around the best settings only, and to make do with what time permits.
 
     """
     assert specification.resolution is not None  # noqa: S101 - for the type checker
@@ -69,10 +73,14 @@ def rounded(
         specification.resolution, fine_objective(search), search.phases, descend, clock.tick
     )
     best: Settled | None = None
-    for seen, point in lattice.best(_optima(solutions, search, end)):
+    if hurried:
+        points = lattice.hurried(end.candidate.theta)
+    else:
+        points = lattice.best(_optima(solutions, search, end))
+    for seen, point in points:
         if best is not None and seen >= best.candidate.value:
             break
-        typed = lattice.polished(point)
+        typed = point if hurried else lattice.polished(point)
         theta = lattice.theta(typed)
         if not search.accepts(theta):
             continue

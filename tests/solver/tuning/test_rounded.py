@@ -64,6 +64,19 @@ def test_two_digits_are_the_best_two_digits_there_are() -> None:
         assert mu.max() > 1, (k1, t1, k2, t2)
 
 
+def test_where_time_is_over_the_best_so_far_is_rounded() -> None:
+    """A search that is stopped with exact settings at hand returns numbers around them."""
+    stop = lambda progress: progress.best is not None  # noqa: E731 - a line
+    task = replace(TASK, resolution=Resolution(digits=2), starts=40)
+    tuning = tune(task, stop)
+    assert tuning.status is Status.TIME_LIMIT
+    for loop in tuning.loops:
+        assert loop.gain == float(f"{loop.gain:.1e}")
+    performance = replace(TASK.performance, tau_p=tuning.tau_p)
+    axis = proven_peaks(PLANT, TASK.uncertainty, performance, tuning.loops)
+    assert axis.peaks.robust_performance.value <= 1 + 1e-7
+
+
 def test_steps_of_gain_and_time_are_kept() -> None:
     """Gains are multiples of the gain's step, times of the time's, to the last bit."""
     tuning = tune(replace(TASK, resolution=Resolution(gain=0.1, time=0.05)))
