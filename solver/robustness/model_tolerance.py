@@ -12,7 +12,7 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
@@ -51,6 +51,7 @@ SMALLER_TIMES = (0.8, 0.9, 0.97, 0.99)  # or of times down to a hundredth of the
 NO_DEAD_TIME = (0.8, 1.0)  # or of dead time to none at all
 SIGNED = {"gain", "interaction"}
 CLOSER, LEAST_ERROR = 4.0, 1e-9  # where already the first is too large, down to the last
+STEPS_BACK = 6  # where a peak between the grid's points loses the demand sooner: by hundredths
 HALVINGS = 6  # of the last doubling: to a hundredth of the error, or 1.5e-4 of the value
 LOWER = 1e-4  # of the grid's low end: a direction near singular is slower than anything else
 PER_DECADE = 8
@@ -137,6 +138,7 @@ def model_tolerances(
             here = sampled.at(parameter, 1 + error)
             return here.differs(given) or (which == DEMAND and here.peak > 1)
 
+        @cache
         def proven(error: float, which: int, parameter: Parameter = parameter) -> bool:
             wrong = parameter.changed(1 + error)
             return not (proof.holds(wrong)[1] if which == DEMAND else proof.stable(wrong))
@@ -320,11 +322,13 @@ def _limits(
     """Return the errors at which the demand and stability are first lost on one side.
 
     What a grid of frequencies says is soon found. It is confirmed by proof, on both sides of where
-    it ends: a grid may miss a peak, or a turn. Where the proof denies it, that seeks for itself.
+    it ends: a grid may miss a peak, or a turn. Where the proof denies it, the demand is as a rule
+    lost a little sooner; else the proof seeks for itself.
     """
     found = _first(seems, errors, met=met)
     if proven is not None and not all(_confirmed(proven, found, met=met)):
-        found = _first(proven, errors, met=met)
+        nearer = _stepped_back(proven, found, met=met)
+        found = _first(proven, errors, met=met) if nearer is None else nearer
     return [None if end.lost is None else end.kept for end in found]
 
 
@@ -336,6 +340,25 @@ def _confirmed(proven: _IsLost, found: Sequence[_End], *, met: bool) -> Iterator
     for which, end in enumerate(found):
         if end.lost is not None and (met or which):
             yield proven(end.lost, which)
+
+
+def _stepped_back(proven: _IsLost, found: Sequence[_End], *, met: bool) -> list[_End] | None:
+    """Return ends of which the demand's is nearer, until a proof confirms them; None if none does.
+
+    By steps as long as what lay between its last error kept and its first one lost.
+    """
+    demand = found[DEMAND]
+    if not met or demand.lost is None:
+        return None
+    step = demand.lost - demand.kept
+    for _ in range(STEPS_BACK):
+        demand = _End(demand.kept - step, demand.kept)
+        if not demand.kept * step > 0:  # nothing is left
+            return None
+        if not proven(demand.kept, DEMAND):
+            nearer = [demand, found[STABILITY]]
+            return nearer if all(_confirmed(proven, nearer, met=met)) else None
+    return None
 
 
 def _first(lost: _IsLost, errors: Sequence[float], *, met: bool) -> list[_End]:
