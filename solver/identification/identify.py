@@ -17,6 +17,7 @@ from solver.identification.record import Record
 from solver.identification.record_checks import check_records
 from solver.identification.row_fit import RowFit, fit_row, refit_row
 from solver.identification.selection import Allowed
+from solver.identification.stretches import holes, stretches
 from solver.identification.uncertainty import (
     Cover,
     Family,
@@ -167,6 +168,7 @@ def identify(
         message = "must lie in 0..2^63 - 1"
         raise InvalidInputError(message, "/seed")
     inputs, outputs = check_records(records, validation)
+    whole, records, validation = records, stretches(records), stretches(validation)
     if structure is not PlantStructure.PARALLEL and len(inputs) > MAX_MATRIX_SIZE:
         message = (
             f"a matrix plant has at most {MAX_MATRIX_SIZE} inputs; identical units go as parallel"
@@ -208,7 +210,10 @@ def identify(
     if equality is not None and not equality.plausible and n <= MAX_MATRIX_SIZE:
         own_units = Alternative("each unit its own", _plant(units, PlantStructure.UNITS, n))
         alternatives.insert(0, own_units)
-    advice = _advice(records, elements, found, cover)
+    advice = [
+        *(_parted(one) for one in whole if holes(one).size),
+        *_advice(records, elements, found, cover),
+    ]
     if equality is not None and not equality.plausible:
         advice.insert(0, _differ(equality, fits[0], units, outputs))
     return Identification(
@@ -269,6 +274,17 @@ def _refuse_runaway(fits: list[RowFit], records: Sequence[Record]) -> None:
                 raise UnsupportedPlantError(
                     message, f"/records/{segment.record}/outputs/{names[segment.unit]}"
                 )
+
+
+def _parted(record: Record) -> str:
+    """Say that a record goes on after holes as another one."""
+    after = holes(record)
+    first = f"from {record.time[after[0] - 1]:g} to {record.time[after[0]]:g}"
+    more = f" and in {after.size - 1} more holes" if after.size > 1 else ""
+    return (
+        f"there are no samples of {record.name} {first}{more}: what the inputs did there is not "
+        f"known, so the record is fitted in {after.size + 1} parts, each with a start of its own"
+    )
 
 
 def _advice(

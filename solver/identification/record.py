@@ -13,15 +13,26 @@ from solver.model.transfer_function import LARGEST
 from solver.model.validation import instance, real_array
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["MAX_SAMPLES", "MAX_SIGNALS", "Record", "checked_times", "same_signals"]
+__all__ = [
+    "LEAST_SAMPLES",
+    "MAX_SAMPLES",
+    "MAX_SIGNALS",
+    "MISSING",
+    "Record",
+    "checked_times",
+    "same_signals",
+]
 
 MAX_SAMPLES = 1_000_000
 MAX_SIGNALS = 300  # inputs or outputs of one record
 LEAST_SAMPLES = 20  # below, two elements have as many unknowns as there are readings
+# Samples in a row that are missing where they come regularly: held over fewer, an input that moved
+# meanwhile is late by less than a few samples.
+MISSING = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +90,8 @@ class Record:
         """Return a record in which NaN stands for "no reading".
 
         An input without a reading is held at the one before; an output without one is left out
-        of the fit at that sample. So signals sampled at unlike times go into one record.
+        of the fit at that sample. So signals sampled at unlike times go into one record. Samples
+        at which an input that is read every time has been lost for long are left out.
 
         Raises
         ------
@@ -100,6 +112,17 @@ class Record:
     def sampling_period(self) -> float:
         """Median distance of the samples."""
         return float(np.median(np.diff(self.time)))
+
+    def part(self, rows: slice, name: str) -> Record:
+        """Return some samples of the record as one of its own, called `name`."""
+        record = object.__new__(Record)
+        object.__setattr__(record, "time", self.time[rows])
+        for kind in ("inputs", "outputs"):
+            signals = {key: values[rows] for key, values in getattr(self, kind).items()}
+            object.__setattr__(record, kind, signals)
+        object.__setattr__(record, "name", name)
+        object.__setattr__(record, "observed", self.observed[:, rows])
+        return record
 
     def _fill(
         self,
@@ -143,6 +166,10 @@ class Record:
             if np.count_nonzero(seen) < LEAST_SAMPLES:
                 message = f"{key!r} has fewer than {LEAST_SAMPLES} readings"
                 raise InvalidInputError(message, f"/outputs/{key}")
+        kept = ~_lost(inputs.values()) if gaps else np.ones(times.size, dtype=bool)
+        times, observed = times[kept], observed[:, kept]
+        moved = {key: values[kept] for key, values in moved.items()}
+        read = {key: values[kept] for key, values in read.items()}
         object.__setattr__(self, "time", times)
         object.__setattr__(self, "inputs", moved)
         object.__setattr__(self, "outputs", read)
@@ -225,6 +252,22 @@ def _held(values: NDArray[np.float64], field: str) -> NDArray[np.float64]:
         raise InvalidInputError(message, f"{field}/0")
     last = np.maximum.accumulate(np.where(known, np.arange(values.size), 0))
     return np.asarray(values[last])
+
+
+def _lost(inputs: Iterable[ArrayLike]) -> NDArray[np.bool_]:
+    """Return where an input that is read every time is missing over more than `MISSING` samples."""
+    lost: NDArray[np.bool_] | None = None
+    for values in inputs:
+        missing = np.isnan(np.asarray(values, dtype=float))
+        lost = np.zeros(missing.size, dtype=bool) if lost is None else lost
+        read = np.flatnonzero(~missing)
+        if np.median(np.diff(read)) > 1:
+            continue  # logged more rarely: held in between
+        for first, last in zip(read, [*read[1:], missing.size], strict=True):
+            if last - first > MISSING + 1:
+                lost[first + 1 : last] = True
+    assert lost is not None  # noqa: S101 - for the type checker: a record has inputs
+    return lost
 
 
 def _refuse_bad(bad: NDArray[np.bool_], field: str) -> None:
