@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from service.schemas.tunings import TuningRequest
     from solver.limits.comparison import ControllerComparison, Entry
 
-__all__ = ["NAMES", "SHORTEST", "alternatives_to_json", "with_limit"]
+__all__ = ["NAMES", "SHORTEST", "alternatives_to_json", "unfinished", "with_limit"]
 
 NAMES = {
     "identical_pi": "identical PI",
@@ -85,6 +85,11 @@ def with_limit(
     except (InvalidInputError, UnsupportedPlantError) as error:
         found = _without("not_covered", f"No limit: {error}.")
     return {**document, "limit": found, "warnings": warnings}
+
+
+def unfinished() -> dict[str, Any]:
+    """Return what stands for the comparison where it did not come to its end."""
+    return _without("time_limit", "No limit: the time was over before one was found.")
 
 
 def _without(status: str, verdict: str) -> dict[str, Any]:

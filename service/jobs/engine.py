@@ -15,7 +15,7 @@ import signal
 import uuid
 from collections.abc import Callable
 from concurrent.futures import CancelledError as FutureCancelledError
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from distributed import Actor, Client, Future, KilledWorker, LocalCluster, Nanny, Security
@@ -70,6 +70,7 @@ class _Call:
     enough: asyncio.Event
     name: str = field(default_factory=lambda: uuid.uuid4().hex)
     solving: asyncio.Future[Outcome] | None = None
+    kept: Outcome | None = None  # stands where the call has to be stopped
 
 
 class Engine:
@@ -187,8 +188,10 @@ class Engine:
                 await asyncio.wait({call.solving}, timeout=_ENDING)
             if not call.solving.done():
                 await self._stop(client, worker, call)
-                cancelled = Outcome(JobStatus.CANCELLED)
-                return cancelled if enough.done() else Outcome(JobStatus.TIMED_OUT, error=_OVERDUE)
+                status = JobStatus.CANCELLED if enough.done() else JobStatus.TIMED_OUT
+                if call.kept is not None:
+                    return replace(call.kept, status=status)
+                return Outcome(status, error=None if enough.done() else _OVERDUE)
             return call.solving.result()
         except asyncio.CancelledError:
             if call.solving.cancelled():  # by us, when the worker was gone
@@ -229,7 +232,11 @@ class Engine:
     def _on_event(self, event: tuple[float, dict[str, Any]]) -> None:
         _, message = event
         for call in self._busy.values():
-            if call.name == message["call"]:
+            if call.name != message["call"]:
+                continue
+            if "result" in message:
+                call.kept = Outcome(JobStatus.TIMED_OUT, message["result"], best=message["best"])
+            else:
                 call.on_progress(message["fraction"], message["best"])
 
     async def _supervise(self) -> None:

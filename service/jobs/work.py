@@ -14,6 +14,7 @@ from pydantic_core import to_json
 
 import service.schemas
 from service import registry
+from service.beyond import unfinished
 from service.jobs.records import TUNINGS, JobStatus, Outcome
 from service.problems import NumbersError, describe
 from service.valves import finished
@@ -108,6 +109,10 @@ class _Reporter:
             raise Cancelled
         return self._has_enough(self._call)
 
+    def keep(self, result: str, best: float | None) -> None:
+        """Tell a result that stands even if the computation has to be stopped."""
+        self._worker.log_event(TOPIC, {"call": self._call, "result": result, "best": best})
+
     def __call__(self, progress: Progress) -> bool:
         enough = self.check()
         now = time.monotonic()
@@ -142,6 +147,12 @@ def _tuned(request: str, report: _Reporter) -> Outcome:
 
     asked = service.schemas.parse_tuning_request(request)
     tuning = mixed.tune_task(asked.build(), report)
+    if asked.search.limit and tuning.loops:
+        # What follows may take longer than anybody waits: the settings are there already.
+        search = asked.search.model_copy(update={"limit": False})
+        alone = finished(asked.model_copy(update={"search": search}), tuning, report.check)
+        kept = alone | {"limit": unfinished()} | asked.identity()
+        report.keep(to_json(kept).decode(), _reached(tuning))
     document = finished(asked, tuning, report.check)
     enough = report.check()
     # Pydantic's writer takes a tenth of the time of the standard library's.

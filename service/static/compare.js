@@ -5,6 +5,7 @@ import { button, h, help, lead, put, table } from "./dom.js";
 import { drawFigures, inUnit, waiting } from "./figures.js";
 import { clock, label, number, option, rangesOf, setTimeUnit, timeUnit, unitText } from "./format.js";
 import { summaryOf } from "./summary.js";
+import { tagged } from "./tags.js";
 import { rescaled, unitOfJob, unitsIn } from "./units.js";
 
 const LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ";
@@ -23,7 +24,7 @@ const essence = ({ tau_p, peaks, comparison, loops, groups }) => ({
   peak: Object.fromEntries(Object.entries(peaks ?? {}).map(([name, { value }]) => [name, value])),
   gain_of_asymmetry: comparison && `${number(comparison.gain_percent, 3)} %`,
   ...Object.fromEntries(groups.map((group, i) =>
-    [groups.length === 1 ? "all_loops" : `loop${group.length > 1 ? "s" : ""}_${group.map((k) => k + 1).join(" ")}`,
+    [groups.length === 1 ? "all_loops" : `loop${group.length > 1 ? "s" : ""}_${group.map((k) => k + 1).join(", ")}`,
       loops[groups[i][0]] ?? {}])),
 });
 
@@ -56,6 +57,12 @@ function lines(sides, matters) {
   });
 }
 
+/** The signals of all runs, where their loops have the same tags. @param {any[]} jobs */
+function sharedSignals(jobs) {
+  const tags = jobs.map(({ request: { instruments } }) => (instruments ?? []).map(({ tag }) => tag).join("\n"));
+  return new Set(tags).size === 1 ? jobs[0].request.instruments : null;
+}
+
 /** @param {View} view @param {URLSearchParams} query */
 export async function compareView({ main, signal, go }, query) {
   const ids = (query.get("ids") ?? "").split(",").filter(Boolean).slice(0, LETTERS.length);
@@ -85,7 +92,8 @@ export async function compareView({ main, signal, go }, query) {
     h("a", { href: `#/tunings/${job.id}` }, `${LETTERS[i]}: ${summaryOf(job).title}`), " ",
     closing(`Leave out ${LETTERS[i]}`, () => open(ids.filter((one) => one !== job.id)))));
   const results = lines(jobs.map(({ result }, i) => (result ? rescaled(essence(result), factors[i]) : {})),
-    (cells) => cells.some((cell) => cell !== "–"));
+    (cells) => cells.some((cell) => cell !== "–"))
+    .map(([at, ...cells]) => [tagged(at, sharedSignals(jobs)), ...cells]);
   const plain = ({ request: asked }, i) => rescaled({ ...asked, time_unit: null, title: null }, factors[i]);
   const differing = lines(jobs.map(plain), (cells) => new Set(cells).size > 1);
   const figures = h("div", { class: "figures", "aria-busy": "true" }, waiting(2));
