@@ -9,7 +9,6 @@ import pytest
 from service.jobs.engine import Engine
 from service.jobs.records import JobStatus, Outcome
 
-
 SPENT = -4.99  # seconds: with the overtime next to nothing, for the actor has to begin
 
 
