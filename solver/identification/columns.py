@@ -10,7 +10,7 @@ from solver.model.errors import InvalidInputError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-__all__ = ["MOST_SHOWN", "clock_of", "place_of", "split_unit"]
+__all__ = ["MOST_SHOWN", "clock_of", "name_of", "place_of", "split_unit"]
 
 MOST_SHOWN = 40  # columns that a message lists
 
@@ -27,6 +27,15 @@ def split_unit(head: str) -> tuple[str, str | None]:
     """Return the name and the unit that a head tells."""
     found = _UNIT.search(head)
     return (_UNIT.sub("", head), found[1].strip() or None) if found else (head, None)
+
+
+def name_of(heads: Sequence[str], wanted: str, place: int) -> str:
+    """Return what a signal is called: as it was asked for, its head where that was its number."""
+    if not wanted.isdecimal() or wanted in heads:
+        return wanted
+    names = [split_unit(head)[0] for head in heads]
+    own = names[place]
+    return own if own and names.count(own) == 1 else f"{own} (column {wanted})".lstrip()
 
 
 def clock_of(heads: Sequence[str], wanted: str | None, signals: Sequence[int], file: str) -> int:
@@ -65,7 +74,7 @@ def clock_of(heads: Sequence[str], wanted: str | None, signals: Sequence[int], f
 
 
 def place_of(heads: Sequence[str], wanted: str, file: str) -> int:
-    """Return the place of a column by its head, with or without unit.
+    """Return the place of a column by its head, with or without unit, or by its number from 1.
 
     Raises
     ------
@@ -83,6 +92,8 @@ def place_of(heads: Sequence[str], wanted: str, file: str) -> int:
             raise InvalidInputError(message)
         if found:
             return found[0]
+    if wanted.isdecimal() and 1 <= int(wanted) <= len(heads):
+        return int(wanted) - 1
     shown = ", ".join(map(repr, heads[:MOST_SHOWN])) + (", ..." if len(heads) > MOST_SHOWN else "")
     message = f"{file} has no column {wanted!r}; it has {shown}"
     raise InvalidInputError(message)

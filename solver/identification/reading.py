@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from solver.identification import parquet
-from solver.identification.columns import clock_of, place_of, split_unit
+from solver.identification.columns import clock_of, name_of, place_of, split_unit
 from solver.identification.record import MAX_SIGNALS, Record, checked_times
 from solver.identification.table import Table
 from solver.model.errors import InvalidInputError
@@ -103,8 +103,7 @@ def read_record(
     path : Path
         The file.
     inputs, outputs : sequence of str
-        Heads of the columns of the signals, with or without their units; without heads their
-        numbers from 1.
+        Heads of the columns of the signals, with or without their units, or their numbers from 1.
     time : str or None
         The same of the times. Time stamps become seconds. None: the column that is called time,
         date or the like, else the first that is no signal. Times of the day beside a column of
@@ -126,6 +125,7 @@ def read_record(
     table = None
     if _is_parquet(path):
         times, columns = parquet.read_columns(raw, path.name, time, signals)
+        called = {name: name for name in signals}
     else:
         table = Table(raw, path.name)
         places = [place_of(table.heads, name, table.name) for name in signals]
@@ -136,6 +136,10 @@ def read_record(
             name: table.numbers(place, style)
             for name, place, style in zip(signals, places, styles, strict=True)
         }
+        called = {
+            name: name_of(table.heads, name, place)
+            for name, place in zip(signals, places, strict=True)
+        }
     rows = _in_order(times, columns)
     known = [np.flatnonzero(~np.isnan(columns[name][rows])) for name in inputs]
     begin = max((int(at[0]) for at in known if at.size), default=0)
@@ -143,8 +147,8 @@ def read_record(
         rows = rows[begin:]
     return _named(path.name, table, rows, lambda: Record.with_gaps(
         times[rows],
-        {name: columns[name][rows] for name in inputs},
-        {name: columns[name][rows] for name in outputs},
+        {called[name]: columns[name][rows] for name in inputs},
+        {called[name]: columns[name][rows] for name in outputs},
         path.stem,
     ))  # fmt: skip
 

@@ -33,6 +33,8 @@ LEAST_SAMPLES = 20  # below, two elements have as many unknowns as there are rea
 # Samples in a row that are missing where they come regularly: held over fewer, an input that moved
 # meanwhile is late by less than a few samples.
 MISSING = 5
+ROUNDED = 0.3  # share of samples at the time of the one before that no chance repetition reaches
+HOUR = 3600.0  # seconds, which time stamps become
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,7 +224,7 @@ def checked_times(time: ArrayLike) -> NDArray[np.float64]:
         how = "stands still" if steps[index - 1] == 0 else "goes backwards"
         message = (
             f"time {how} at sample {index} ({times[index]:g} after {times[index - 1]:g}): "
-            "sort the samples, and cut the record where a clock was set or data were joined"
+            f"{_remedy(steps, index)}"
         )
         raise InvalidInputError(message, f"/time/{index}")
     # Shifted before it is used: the distances must survive the subtraction.
@@ -230,6 +232,24 @@ def checked_times(time: ArrayLike) -> NDArray[np.float64]:
         message = "the samples are too close together for their times; count time from the start"
         raise InvalidInputError(message, "/time")
     return times
+
+
+def _remedy(steps: NDArray[np.float64], index: int) -> str:
+    """Return what to do about a step of time that is no step forward."""
+    forward = steps[steps > 0]
+    still = float(np.mean(steps == 0))
+    if still > ROUNDED:
+        return (
+            f"{100 * still:.0f} % of the samples have the time of the one before, so the times are "
+            "rounded: export them with more digits, as seconds beside minutes"
+        )
+    usual = float(np.median(forward)) if forward.size else 0.0
+    if abs(steps[index - 1] + HOUR - usual) < usual / 2:
+        return (
+            "an hour back, as at the end of summer time: export the times in UTC or with their "
+            "zone, or cut the record there into two files"
+        )
+    return "sort the samples, and cut the record where a clock was set or data were joined"
 
 
 def _numbers(values: ArrayLike, field: str) -> NDArray[np.float64]:

@@ -84,6 +84,10 @@ class Table:
         self.heads = self._take_heads()
         if not self.rows:
             message = f"{self.name} has heads and no samples"
+            if self.units:
+                message += (
+                    f": below them stands {', '.join(self.units[:3])!r}, no numbers"
+                )
             raise InvalidInputError(message)
         width = len(self.heads)
         for line, row in zip(self.lines, self.rows, strict=True):

@@ -29,6 +29,19 @@ def text(delimiter=",", decimal=".", heads=("t", "u", "y"), form="{}"):
     return "\n".join(lines) + "\n"
 
 
+def minutes(each):
+    """Return a table whose times are told to the minute, `each` samples in one."""
+    rows = [f"2026-03-01 12:{k // each:02d},{u},{y}" for k, u, y in ROWS]
+    return "\n".join(["t,u,y", *rows])
+
+
+def clock_set_back():
+    """Return a table whose clock is set back by an hour after 20 of 30 samples, 5 min each."""
+    at = [k - 12 * (k >= 20) for k in range(30)]
+    rows = [f"2026-10-25 0{1 + k // 12}:{5 * (k % 12):02d}:00,{k % 7},{k % 5}" for k in at]
+    return "\n".join(["t,u,y", *rows])
+
+
 @pytest.mark.parametrize(
     ("content", "encoding", "names"),
     [
@@ -155,6 +168,18 @@ def test_empty_cells_are_gaps(tmp_path):
         (text().replace("7,1.0,21.75", "7,1.0,21.75,9"), "tuy", "log.csv, line 9: 4 cells"),
         (text().replace("\n7,", "\nx,"), "tuy", "log.csv, line 9, column 't': 'x'"),
         (text().replace("\n7,", "\n3,"), "tuy", "log.csv, line 9: time goes backwards"),
+        (
+            "t,u,y\n" + "0 s,1 %,20 K\n" * 30,
+            "tuy",
+            "below them stands '0 s, 1 %, 20 K'",
+        ),
+        (text(), "tu9", "log.csv has no column '9'"),
+        (minutes(8), "tuy", "line 3: time stands still at sample 1 (0 after 0): 90 % of the"),
+        (
+            clock_set_back(),
+            "tuy",
+            "sample 20 (600 after 3900): an hour back, as at the end",
+        ),
         (text(), "tuz", "log.csv has no column 'z'; it has 't', 'u', 'y'"),
         (text(heads=("t", "u", "u")), "tuy", "'u' names the columns 2, 3"),
         (text(heads=("t", "u (a)", "u (b)")), "tuy", "'u' names the columns 2, 3"),
@@ -167,6 +192,17 @@ def test_errors_name_file_line_and_column(tmp_path, content, columns, words):
     t, u, y = columns
     with pytest.raises(InvalidInputError, match=re.escape(words)):
         read_record(written(tmp_path, content), time=t, inputs=[u], outputs=[y])
+
+
+def test_columns_go_by_their_numbers_too(tmp_path):
+    """Signals are called by their heads; by head and number where two have the same."""
+    content = text(heads=("t", "valve", "valve"))
+    record = read_record(written(tmp_path, content), inputs=["2"], outputs=["3"])
+    assert list(record.inputs) == ["valve (column 2)"]
+    record = read_record(
+        written(tmp_path, text(heads=("t", "V [%]", "T (K)"))), inputs=["2"], outputs=["3"]
+    )
+    assert [*record.inputs, *record.outputs] == ["V", "T"]
 
 
 def test_examples_are_read():
