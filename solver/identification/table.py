@@ -85,9 +85,7 @@ class Table:
         if not self.rows:
             message = f"{self.name} has heads and no samples"
             if self.units:
-                message += (
-                    f": below them stands {', '.join(self.units[:3])!r}, no numbers"
-                )
+                message += f": below them stands {', '.join(self.units[:3])!r}, no numbers"
             raise InvalidInputError(message)
         width = len(self.heads)
         for line, row in zip(self.lines, self.rows, strict=True):

@@ -178,7 +178,7 @@ def test_empty_cells_are_gaps(tmp_path):
         (
             clock_set_back(),
             "tuy",
-            "sample 20 (600 after 3900): an hour back, as at the end",
+            "sample 20 (2400 after 5700): an hour back, as at the end",
         ),
         (text(), "tuz", "log.csv has no column 'z'; it has 't', 'u', 'y'"),
         (text(heads=("t", "u", "u")), "tuy", "'u' names the columns 2, 3"),
