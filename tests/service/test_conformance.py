@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -48,8 +49,9 @@ def lines(_context: object, value: object) -> bytes:
 CONFIG = SchemathesisConfig.from_str(CONFIG_TEXT)
 DOCUMENT = Path(__file__).parents[2] / "openapi" / "openapi.json"
 schema = schemathesis.openapi.from_path(DOCUMENT, config=CONFIG)
-# Hundreds of boundary cases for each operation; for the large bodies of all analyses and figures
-# those would take many minutes, so one analysis stands for them.
+# Hundreds of boundary cases for each operation, each kind of fault once a field (see `is_new`); for
+# the large bodies of all analyses and figures those would take many minutes, so one analysis stands
+# for them.
 thorough = schema.include(path_regex=_SHORT)
 without_boundaries = schemathesis.openapi.from_path(
     DOCUMENT,
@@ -82,11 +84,33 @@ def examples(number: int) -> settings:
     )
 
 
+# A plant or an error that a scenario has is read by the models that read the request's own.
+_SAME_MODELS = re.compile("scenarios -> Array with invalid items: |'scenarios' value: Single-item ")
+_seen: set[tuple[str, str]] = set()
+
+
+def is_new(case: Case) -> bool:
+    """Return whether no case before did the same to the same field of the same operation.
+
+    Boundary cases come again for each form of a plant, a weight or a loop that has the field, and
+    for each of five values that are of another type.
+    """
+    told = getattr(case.meta.phase.data if case.meta else None, "description", None)
+    if told is None or told == "Positive test case":
+        return True
+    kind = case.operation.label, _SAME_MODELS.sub("", told)
+    if kind in _seen:
+        return False
+    _seen.add(kind)
+    return True
+
+
 @thorough.parametrize()
 @examples(5)
 def test_operation_conforms(case: Case, address: str) -> None:
     """Statuses, types, headers and bodies are as documented; bad requests are refused."""
-    case.call_and_validate(base_url=address, timeout=PATIENCE)
+    if is_new(case):
+        case.call_and_validate(base_url=address, timeout=PATIENCE)
 
 
 @quick.parametrize()
