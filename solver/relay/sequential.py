@@ -28,6 +28,7 @@ from solver.stability.closed_loop import is_stable
 
 if TYPE_CHECKING:
     from solver.model.controllers import Controller
+    from solver.model.transfer_function import TransferFunction
     from solver.relay.behaviour import Behaviour
     from solver.relay.describing_function import Ultimate
 
@@ -35,7 +36,10 @@ __all__ = ["RelayTuningOutcome", "TunedByRelay", "Verdict", "experiment_of", "re
 
 SAME = 0.02  # relative change of settings below which nothing changes any more
 _PERIODS_OPEN, _PERIODS_CLOSED = 30, 50  # simulated: with loops closed cycles change late
-_WITHOUT = 100.0  # time over the slowest corner's, of a process without an ultimate point
+# Time over the slowest corner's, of a process without an ultimate point: until what the relay makes
+# of it has settled, and at most; and how much longer than for its periods alone that may take.
+_SETTLED, _WITHOUT = 3.0, 100.0
+_MOST = 5.0
 _SAMPLES = 101
 
 
@@ -174,13 +178,29 @@ def experiment_of(
     band = float(bends[0]) * 1e-2, float(bends[-1]) * 1e3
     offset = math.pi * relay.hysteresis / (4 * abs(relay.amplitude))
     found = ultimate_point(lambda omega: sign * element.response(omega), *band, offset)
+    periods = _PERIODS_CLOSED if loops else _PERIODS_OPEN
     if found is None:
-        duration = _WITHOUT / float(bends[0])
+        slowest = 1 / float(bends[0])
+        shown = periods * _relay_period(element, relay, float(bends[-1]))
+        duration = min(max(shown, _SETTLED * slowest), _MOST * shown, _WITHOUT * slowest)
     else:
-        duration = (_PERIODS_CLOSED if loops else _PERIODS_OPEN) * 2 * np.pi / found.omega
+        duration = periods * 2 * np.pi / found.omega
     return RelayExperiment(
         task.plant, output, input_, relay, loops, float(duration), samples=samples
     )
+
+
+def _relay_period(element: TransferFunction, relay: Relay, fastest: float) -> float:
+    """Return the period, about, of what oscillates by the relay alone; infinite where nothing says.
+
+    Its hysteresis holds it off until the output has moved as far, and its sampling for two samples
+    a half period. Above its corners the process integrates, with amplitude |G| 4 d/pi.
+    """
+    sampled = 4 * (relay.sampling_period or 0.0)
+    omega = fastest * 10.0
+    amplitude = 4 * abs(relay.amplitude) / math.pi * abs(element.response(np.array([omega]))[0])
+    held = 2 * math.pi / omega * relay.hysteresis / amplitude if amplitude > 0 else 0.0
+    return max(sampled, held) or math.inf
 
 
 def _experiment(

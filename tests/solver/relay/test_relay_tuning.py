@@ -8,6 +8,7 @@ from solver.model.plants import MatrixPlant, first_order
 from solver.model.transfer_function import TransferFunction
 from solver.relay import sequential
 from solver.relay.analysis import relay_experiment
+from solver.relay.behaviour import Behaviour
 from solver.relay.experiment import Relay
 from solver.relay.sequential import Verdict, relay_tuning
 from solver.relay.sequential_query import RelayTuning, Rule
@@ -65,6 +66,19 @@ def test_a_process_that_never_oscillates_ends_it() -> None:
     assert found.verdict is Verdict.NO_CYCLE
     assert found.loops is None
     assert found.stable is None
+
+
+@pytest.mark.parametrize(
+    ("unit", "relay"),
+    [(1.0, Relay(1.0, 0.01)), (1e-6, Relay(1.0, 0.01)), (1.0, Relay(1.0, 0.0, 0.02))],
+)
+def test_a_relay_that_switches_fast_is_told_as_what_it_is(unit: float, relay: Relay) -> None:
+    """Thousands of switchings in the time of a slow lag: enough of them are looked at, no more."""
+    plant = first_order(2, 1, 100 * unit, 0.5)
+    found, *_ = relay_tuning(RelayTuning(plant, relay)).open_loops
+    assert found.behaviour is Behaviour.LIMIT_CYCLE
+    assert found.remark is not None
+    assert found.remark.startswith("No ultimate gain: the phase of this process does not reach -pi")
 
 
 @pytest.mark.parametrize(
