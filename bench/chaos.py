@@ -30,7 +30,7 @@ import numpy as np
 from service import registry
 from service.schemas import TuningRequest
 from service.valves import finished
-from solver.limits import mixed
+from solver.tuning import tuner
 
 MUTUNE = str(Path(sys.executable).with_name("mutune"))
 PATIENCE = 600.0  # seconds without an end of any job after which they count as lost
@@ -98,7 +98,7 @@ def expected(number: int) -> Json:
     text = json.dumps(request)
     if path == "/v1/tunings":
         asked = TuningRequest.model_validate_json(text)
-        document = finished(asked, mixed.tune_task(asked.build())) | asked.identity()
+        document = finished(asked, tuner.tune(asked.build())) | asked.identity()
     else:
         analysis = next(one for one in registry.every() if one.path == path)
         body = analysis.request.model_validate_json(text)

@@ -27,7 +27,7 @@ from typing import Any
 import httpx
 
 from service.schemas.tunings import BatchTuningRequest, TuningRequest
-from solver.limits import mixed
+from solver.tuning import tuner
 
 MUTUNE = Path(sys.executable).with_name("mutune")
 PLANT = {"kind": "first_order", "n": 2, "gain": 1, "time_constant": 100, "interaction": 0.949}
@@ -181,7 +181,7 @@ def _ending(seed: int, *, batch: bool) -> float:
     model = BatchTuningRequest if batch else TuningRequest
     specification = model.model_validate(tuning(seed)).build()
     begun = time.perf_counter()
-    result = mixed.tune_task(specification)
+    result = tuner.tune(specification)
     return time.perf_counter() - begun - result.search.elapsed_seconds
 
 

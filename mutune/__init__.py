@@ -70,7 +70,7 @@ if TYPE_CHECKING:
     from solver.model.errors import Cancelled, InvalidInputError, MutuneError, UnsupportedPlantError
     from solver.model.from_state_space import from_state_space
     from solver.model.measured import MeasuredPlant
-    from solver.model.mixing import Mixing
+    from solver.model.mixing import Mixing, mixed
     from solver.model.mode_controller import ModeController
     from solver.model.neighbours import NeighbourPlant
     from solver.model.parallel_equipment import (
@@ -297,6 +297,7 @@ __all__ = [
     "load",
     "loop_effect",
     "loop_margins",
+    "mixed",
     "multivariable_limit",
     "niederlinski_index",
     "paired",
@@ -363,7 +364,7 @@ _HOMES = {
     "solver.model.arranged": "paired sampled",
     "solver.model.from_state_space": "from_state_space",
     "solver.model.measured": "MeasuredPlant",
-    "solver.model.mixing": "Mixing",
+    "solver.model.mixing": "Mixing mixed",
     "solver.model.neighbours": "NeighbourPlant",
     "solver.model.plants": "MatrixPlant ParallelPlant Plant first_order",
     "solver.model.state_space": "StateSpace",

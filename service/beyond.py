@@ -59,9 +59,6 @@ def with_limit(
         return document
     pairing = document.get("pairing")
     specification = request.build().arranged(None if pairing is None else tuple(pairing))
-    if specification.mixing is not None:
-        text = "it is for loops that move one input each"
-        return {**document, "limit": _without("not_covered", f"No limit: {text}.")}
     if specification.plant.n > MOST_UNITS and not specification.plant.interchangeable:
         text = f"matrix plants above {MOST_UNITS} units take minutes: ask `mutune limit`"
         return {**document, "limit": _without("not_covered", f"No limit: {text}.")}

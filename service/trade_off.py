@@ -93,7 +93,7 @@ def sweep(
         There is no such field, or it cannot have a value.
 
     """
-    from solver.limits import mixed  # noqa: PLC0415 - compiled kernels, where tunings run alone
+    from solver.tuning import tuner  # noqa: PLC0415 - compiled kernels, where tunings run alone
 
     # What is drawn of a tuning needs neither certificate nor tolerances of the model.
     plain = request.model_copy(update={"certificate": "none", "model_tolerance": False})
@@ -103,7 +103,7 @@ def sweep(
         if item.faults:
             raise RequestError(item.faults)
         varied = parse_tuning_request(item.request)
-        result = RequestedTuning.of(varied, mixed.tune_task(varied.build(), progress)).result
+        result = RequestedTuning.of(varied, tuner.tune(varied.build(), progress)).result
         collected.add(item.fields, json.loads(result.model_dump_json()))
     return collected.trade_off()
 

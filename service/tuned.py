@@ -13,6 +13,7 @@ from service.schemas import TuningRequest, TuningResult, parse, tuning_to_json
 from service.wording import TIME_UNIT
 from solver.model.controllers import Controller
 from solver.model.loop_names import loops_text
+from solver.model.mixed_plant import MixedPlant
 from solver.model.plants import Plant
 from solver.model.weights import Performance, Uncertainty
 from solver.tuning.record import Tuning
@@ -22,8 +23,8 @@ __all__ = ["MIXED", "RequestedTuning", "Setting"]
 
 
 MIXED = (
-    "each loop moves several inputs, so none has a process of its own; a step-response request "
-    "with the same mixing simulates them"
+    "loops share inputs, so none has one of its own; a step-response request with the same mixing "
+    "simulates them"
 )
 
 
@@ -97,8 +98,8 @@ class RequestedTuning:
 
     @property
     def mixes_inputs(self) -> bool:
-        """Whether each loop moves several inputs: then no loop has a process of its own."""
-        return self.arranged.mixing is not None
+        """Whether loops share inputs: none has one of its own, which a figure could show."""
+        return isinstance(self.plant, MixedPlant) and self.plant.shared
 
     @property
     def uncertainty(self) -> Uncertainty:

@@ -15,8 +15,9 @@ from service.beyond import with_limit
 from service.schemas.fields import Instrument
 from service.schemas.tunings import tuning_to_json
 from service.wording import number
-from solver.model.loop_names import loops_text
+from solver.model.loop_names import loops_text, units_text
 from solver.model.measured import MeasuredPlant
+from solver.stability.neutral import feedthrough
 from solver.stability.singular import is_singular
 
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 
     from service.schemas.tunings import TuningRequest
     from solver.model.controllers import Controller
+    from solver.model.mixing import Mixing
     from solver.model.plants import Plant
     from solver.model.transfer_function import TransferFunction
     from solver.simulation.step_response import StepResponse
@@ -53,10 +55,10 @@ def finished(
 
     """
     document = tuning_to_json(tuning)
-    task = request.build().arranged(tuning.pairing)
-    if tuning.loops and task.mixing is None and not isinstance(task.plant, MeasuredPlant):
-        plant = task.plant
-        said = tuning_remarks(request.signals(plant.n), plant, tuning.loops)
+    asked = request.build()
+    plant = asked.arranged(tuning.pairing).plant
+    if tuning.loops and not isinstance(plant, MeasuredPlant):
+        said = tuning_remarks(request.signals(plant.n), plant, tuning.loops, asked.mixing)
         document["warnings"] = [*document["warnings"], *said]
     return with_limit(request, document, check)
 
@@ -67,20 +69,28 @@ def limits_of(signals: Sequence[Instrument]) -> tuple[float | None, ...]:
 
 
 def tuning_remarks(
-    signals: Sequence[Instrument], plant: Plant, loops: Sequence[Controller]
+    signals: Sequence[Instrument],
+    plant: Plant,
+    loops: Sequence[Controller],
+    mixing: Mixing | None = None,
 ) -> Iterator[str]:
     """Yield what a unit step of each set point asks for, where the valve has less.
 
     Parameters
     ----------
     signals : sequence of Instrument
-        Of each loop.
+        Of each loop; with `mixing`, of each output and input.
     plant : Plant
         As the loops see it.
     loops : sequence of Controller
         One a unit.
+    mixing : Mixing or None
+        The combinations that they see it through.
 
     """
+    inputs = None if mixing is None else mixing.inputs
+    outputs = None if mixing is None else mixing.outputs
+    M = None if inputs is None else np.array(inputs)
     spans = np.array([each.input_span or np.inf for each in signals])
     if np.isinf(spans).all():
         return
@@ -88,22 +98,30 @@ def tuning_remarks(
     at_rest = _at_rest(plant, loops)
     found: dict[tuple[str, str], list[int]] = {}
     for unit, each in enumerate(signals):
-        now, then = (moves.column(unit, plant.n) / spans for moves in (at_once, at_rest))
+        columns = [moves.column(unit, plant.n) for moves in (at_once, at_rest)]
+        now, then = (np.abs(v if M is None else M @ v) / spans for v in columns)
         valve = int(np.maximum(now, then).argmax())
         share, when = float(now[valve]), "at once"
         if then[valve] > share:
             share, when = float(then[valve]), "in the end"
         if share > HALF:
             whose = "its valve" if valve == unit else f"the valve of loop {valve + 1}"
+            if inputs is not None:
+                whose = f"input {valve + 1}"
             asked = f"asks {when} for {_share(share, whose, signals[valve])}"
-            size = f"1 {each.output_unit}" if each.output_unit else "1"
+            # Of a combination of outputs the unit is not known.
+            size = f"1 {each.output_unit}" if each.output_unit and outputs is None else "1"
             found.setdefault((size, asked), []).append(unit)
     for (size, asked), units in found.items():
         yield f"A set-point step of {size} on {loops_text(units)} {asked}. Ramp it, or step less."
 
 
 def step_remarks(
-    signals: Sequence[Instrument], limited: Sequence[bool], found: StepResponse
+    signals: Sequence[Instrument],
+    limited: Sequence[bool],
+    found: StepResponse,
+    *,
+    shared: bool = False,
 ) -> Iterator[str]:
     """Yield which inputs move further than their valves can.
 
@@ -115,6 +133,8 @@ def step_remarks(
         Whether the simulation keeps each input within limits.
     found : StepResponse
         The responses.
+    shared : bool
+        Whether the loops share the inputs.
 
     """
     for response in found.responses:
@@ -126,9 +146,13 @@ def step_remarks(
                 text = _share(moved / span, "its valve", signals[unit])
                 said.setdefault(text, []).append(unit)
         for text, units in said.items():
+            which = f"The input of {loops_text(units)} moves"
+            if shared:
+                which = f"Input{'s' * (len(units) > 1)} {units_text(units)} of the plant "
+                which += "move" if len(units) > 1 else "moves"
             yield (
-                f"The input of {loops_text(units)} moves by up to {text}. With the valve at its "
-                "limits the loops do what the thin lines show."
+                f"{which} by up to {text}. With the valve at its limits the loops do what the thin "
+                "lines show."
             )
 
 
@@ -145,12 +169,12 @@ def _share(share: float, whose: str, signals: Instrument) -> str:
 
 @dataclass(frozen=True, eq=False)
 class _Moves:
-    """How far valves move: (n, n) by step in their columns, or (n,), each at its own step alone."""
+    """How far inputs move: (n, n) by step in their columns, or (n,), each at its own step alone."""
 
     values: NDArray[np.float64]
 
     def column(self, unit: int, n: int) -> NDArray[np.float64]:
-        """Return the moves of all valves at a step of one set point, (n,)."""
+        """Return the moves of all inputs, those of loops, at a step of one set point, (n,)."""
         if self.values.ndim == 2:
             return self.values[:, unit]
         own = np.zeros(n)
@@ -162,10 +186,9 @@ def _at_once(plant: Plant, loops: Sequence[Controller]) -> _Moves:
     """Return how far each valve jumps at a unit step of a set point."""
     C = np.array([_jump(loop) for loop in loops])
     if plant.n > LARGEST_MATRIX or not any(_through(element) for element in plant.elements):
-        return _Moves(np.abs(C))
-    G = np.array([[_through(element) for element in row] for row in plant.rows])
-    M = np.eye(plant.n) + C[:, None] * G
-    return _Moves(np.abs(C) if is_singular(M) else np.abs(np.linalg.solve(M, np.diag(C))))
+        return _Moves(C)
+    M = np.eye(plant.n) + C[:, None] * feedthrough(plant, 0.0)
+    return _Moves(C if is_singular(M) else np.asarray(np.linalg.solve(M, np.diag(C)), dtype=float))
 
 
 def _at_rest(plant: Plant, loops: Sequence[Controller]) -> _Moves:
@@ -176,7 +199,7 @@ def _at_rest(plant: Plant, loops: Sequence[Controller]) -> _Moves:
     G = plant.static_gain()
     if not np.isfinite(G).all() or is_singular(G):
         return unknown
-    return _Moves(np.abs(np.linalg.inv(G)))
+    return _Moves(np.asarray(np.linalg.inv(G), dtype=float))
 
 
 def _jump(loop: Controller) -> float:

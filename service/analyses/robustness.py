@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ConfigDict, Field
 
+import solver.model.mixing
 import solver.model.plants
 import solver.model.weights
 from service.analysis import Analysis, Figures
@@ -41,6 +42,7 @@ from service.wording import number
 from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError
 from solver.model.loop_names import loops_text
+from solver.model.mixing import mixed
 from solver.model.plants import MAX_UNITS
 from solver.tuning.advice import NEAR_ONE, weights_factor
 
@@ -74,8 +76,6 @@ class FullTask:
 
 class RobustnessRequest(GivenLoops):
     """Ask how robust given loop settings are."""
-
-    mixes_inputs = True
 
     omega: (
         Annotated[tuple[Frequency, ...], Field(min_length=1, max_length=MAX_FREQUENCIES)] | None
@@ -125,9 +125,6 @@ class RobustnessRequest(GivenLoops):
         if self.controller is not None:
             message = "a full controller is analysed by itself"
             raise InvalidInputError(message, "/controller")
-        if self.is_full:
-            message = "loops that move combinations of inputs are one controller"
-            raise InvalidInputError(message, "/mixing/inputs")
         task = self.parts()
         omega = None if self.omega is None else np.array(self.omega)
         if omega is not None and np.any(np.diff(omega) <= 0):
@@ -153,7 +150,7 @@ class RobustnessRequest(GivenLoops):
 
         """
         alone = {
-            "/loops": self.controller is not None and bool(self.loops),
+            "/loops": bool(self.loops),
             "/omega": self.omega is not None,
             "/method": self.method != "kernel",
         }
@@ -162,29 +159,21 @@ class RobustnessRequest(GivenLoops):
                 message = "this is for single loops, not for a full controller"
                 raise InvalidInputError(message, field)
         plant, uncertainty, performance = self.weights()
-        if self.controller is None:
-            return FullTask(plant, uncertainty, performance, self._mixed_loops())
-        if self.mixing is not None and self.mixing.inputs is not None:
-            message = "a full controller moves the inputs themselves"
-            raise InvalidInputError(message, "/mixing/inputs")
+        assert self.controller is not None  # noqa: S101 - for the type checker: who calls knows
         with below("/controller"):
             controller = self.controller.build()
         return FullTask(plant, uncertainty, performance, controller)
 
-    @property
-    def is_full(self) -> bool:
-        """Whether each controller moves several inputs."""
-        mixed = self.mixing is not None and self.mixing.inputs is not None
-        return self.controller is not None or mixed
-
-    def _mixed_loops(self) -> solver.model.plants.MatrixPlant:
-        """Return the loops, and the combinations of inputs that they move, as one controller."""
-        from solver.limits.mixed import mixed_controller
-
-        assert self.mixing is not None  # noqa: S101 - for the type checker
-        task = self.parts()
-        with below("/mixing"):
-            return mixed_controller(task.loops, self.mixing.build())
+    def combined(
+        self, plant: solver.model.plants.Plant, mixing: solver.model.mixing.Mixing
+    ) -> solver.model.plants.Plant:
+        """Return the plant from what the loops move, or a full controller, to what they control."""
+        if self.controller is None:
+            return mixed(plant, mixing)
+        if mixing.inputs is not None:
+            message = "a full controller moves the inputs themselves"
+            raise InvalidInputError(message, "/mixing/inputs")
+        return super().combined(plant, mixing)
 
 
 class CrossCheck(ResultModel):
@@ -284,7 +273,7 @@ class RobustnessResult(IdentifiedResult, ResultModel):
 
 def compute(request: RobustnessRequest) -> dict[str, Any]:
     """Return the robustness of the request's loops."""
-    if request.is_full:
+    if request.controller is not None:
         return _full(request.build_full())
     from solver.robustness.analysis import analyse
     from solver.robustness.scan import scan_remark

@@ -91,7 +91,7 @@ def tune_file(
 
 
 def _tune(request: TuningRequest, stopping: Stopping) -> dict[str, object]:
-    from solver.limits import mixed  # noqa: PLC0415 - compiled kernels, where tunings run alone
+    from solver.tuning import tuner  # noqa: PLC0415 - compiled kernels, where tunings run alone
 
     columns = (
         TextColumn("{task.description}"),
@@ -116,7 +116,7 @@ def _tune(request: TuningRequest, stopping: Stopping) -> dict[str, object]:
             return stopping.wanted
 
         compiling = Compiling(lambda: console.print(_COMPILING))
-        tuning = mixed.tune_task(request.build(), on_progress)
+        tuning = tuner.tune(request.build(), on_progress)
         del compiling
         bar.update(task, description="Other controllers")
         document = finished(request, tuning, lambda: stopping.wanted)

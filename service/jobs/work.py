@@ -143,10 +143,10 @@ def _outcome(resource: str, request: str, report: _Reporter) -> Outcome:
 
 
 def _tuned(request: str, report: _Reporter) -> Outcome:
-    from solver.limits import mixed  # noqa: PLC0415 - compiled kernels, where tunings run alone
+    from solver.tuning import tuner  # noqa: PLC0415 - compiled kernels, where tunings run alone
 
     asked = service.schemas.parse_tuning_request(request)
-    tuning = mixed.tune_task(asked.build(), report)
+    tuning = tuner.tune(asked.build(), report)
     if asked.search.limit and tuning.loops:
         # What follows may take longer than anybody waits: the settings are there already.
         search = asked.search.model_copy(update={"limit": False})

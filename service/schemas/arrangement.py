@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag
 
 import solver.model.arranged
+import solver.model.mixing
 import solver.model.plants
 from service.schemas.fields import WHOLE, AnalysisRequest, Time, below
 from service.schemas.mixing import Mixing
 from solver.model.errors import InvalidInputError
-from solver.model.mixing import mixed_outputs
+from solver.model.mixing import summed_outputs
 from solver.model.plants import MAX_UNITS
 
 __all__ = ["ArrangedRequest", "PairedInput", "Pairing", "PairingOrBest"]
@@ -32,8 +33,6 @@ PairingOrBest = Annotated[
 
 class ArrangedRequest(AnalysisRequest):
     """Base of analyses of loops that are paired, and that digital controllers run."""
-
-    mixes_inputs: ClassVar[bool] = False  # whether loops may move combinations of inputs
 
     pairing: Pairing | None = Field(
         default=None,
@@ -76,10 +75,28 @@ class ArrangedRequest(AnalysisRequest):
         if self.pairing is not None:
             message = "with combinations of signals, order their rows and columns instead"
             raise InvalidInputError(message, "/pairing")
-        if mixing.inputs is not None and not self.mixes_inputs:
+        return self.combined(plant, mixing)
+
+    def combined(
+        self, plant: solver.model.plants.Plant, mixing: solver.model.mixing.Mixing
+    ) -> solver.model.plants.Plant:
+        """Return the plant from its inputs, of which each loop moves one, to what loops control.
+
+        Raises
+        ------
+        InvalidInputError
+            Loops that move several, which this analysis does not know.
+
+        """
+        if mixing.inputs is not None:
             message = (
                 "loops that move combinations of inputs are for tuning, robustness and step "
                 "responses: for anything else leave inputs out"
             )
             raise InvalidInputError(message, "/mixing/inputs")
-        return mixed_outputs(plant, mixing)
+        return summed_outputs(plant, mixing)
+
+    @property
+    def order(self) -> tuple[int, ...] | None:
+        """The input of each loop, where each has one of its own; None: as they come."""
+        return self.pairing if self.mixing is None else self.mixing.build().own_inputs

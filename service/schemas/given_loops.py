@@ -93,7 +93,7 @@ class GivenLoops(ArrangedRequest):
             given = self.plant.build()
         plant = self.arranged(given)
         with below("/uncertainty"):
-            uncertainty = self.uncertainty.build(plant.n).paired(self.pairing)
+            uncertainty = self.uncertainty.build(plant.n).paired(self.order)
         # Spans are those of the outputs, which are not what the loops control under a mixing.
         scales = default_scales(self, plant.n, uncertainty) if self.mixing is None else None
         with below("/performance"):

@@ -9,7 +9,8 @@ Congruence keeps its sign, so outputs may be combined by T and multiplied by pow
 Columns of E with the element of M may be multiplied by powers of sigma too: each takes as many as
 its controller integrates, and M in its own right those of w_P. Where outputs err
 (`solver.certificate.reduction`), the second half of the outputs is not demanded anything of: w_P,
-and the 1 of the last term, are 0 there.
+and the 1 of the last term, are 0 there. What loops move that share inputs does not err: w_I and
+G X^-1 G^H are 0 there.
 """
 
 from __future__ import annotations
@@ -21,7 +22,13 @@ from typing import TYPE_CHECKING
 from flint import acb, fmpq, fmpq_poly
 
 from solver.certificate.enclosures import ExactResponse, Frame, Ratio, exact, is_hurwitz
-from solver.certificate.reduction import MAX_SETTINGS, ExactBlock, blocks, settings_of
+from solver.certificate.reduction import (
+    MAX_SETTINGS,
+    ExactBlock,
+    blocks,
+    settings_of,
+    shares_inputs,
+)
 from solver.certificate.taylor_models import TaylorModel
 from solver.model.controllers import DERIVATIVE_FILTER
 from solver.model.errors import InvalidInputError, UnsupportedPlantError
@@ -37,6 +44,8 @@ if TYPE_CHECKING:
     from solver.model.weights import Performance
 
 __all__ = ["EnclosedLoop", "ExactLoop"]
+
+SLIGHT = fmpq(1, 10**8)  # of w_P: M without an error, which would vanish at s = 0, is regular
 
 Matrix = list[list[TaylorModel]]
 
@@ -70,8 +79,8 @@ class ExactLoop:
     full: bool
 
     @classmethod
-    def of(cls, claim: Claim, most: int = MAX_SETTINGS) -> ExactLoop:
-        """Return the loop that a claim is about.
+    def of(cls, claim: Claim, most: int = MAX_SETTINGS, *, known: bool = False) -> ExactLoop:
+        """Return the loop that a claim is about; `known`: without the errors of shared inputs.
 
         Raises
         ------
@@ -97,13 +106,16 @@ class ExactLoop:
             if w_I.den[-1] == 0 or not is_hurwitz(w_I.den):
                 message = "the uncertainty weight must be stable, without a pole at s = 0"
                 raise InvalidInputError(message, "/uncertainty/weight/den")
-        own = [group.weight for group in settings]
+        of_any = claim.uncertainty.weight_of(0)
+        own = [group.weight or of_any for group in settings]
         controllers = [_controller(group.controller) for group in settings]
-        outputs = [group.outputs for group in settings if group.outputs is not None]
-        own += outputs
-        controllers += [Ratio.reduced(fmpq_poly([1]), fmpq_poly([1])) for _ in outputs]
+        others = [group.outputs for group in settings if group.outputs is not None]
+        if shares_inputs(claim.plant) and not known:
+            others = [claim.uncertainty.weight_of(unit) for unit in range(claim.plant.plant.n)]
+        own += others
+        controllers += [Ratio.reduced(fmpq_poly([1]), fmpq_poly([1])) for _ in others]
         return cls(
-            blocks(claim.plant, settings),
+            blocks(claim.plant, settings, known=known),
             tuple(controllers),
             # Only |w_I| counts, so a dead time in it is left out.
             tuple(
@@ -116,9 +128,12 @@ class ExactLoop:
         )
 
     def X(self, scales: Sequence[float]) -> list[fmpq]:  # noqa: N802 - the matrix X
-        """Return the squared D-scale that goes with each of the settings."""
+        """Return the squared D-scale that goes with each of the settings; 1 where none errs."""
         squares = [exact(scale) ** 2 for scale in scales]
-        return squares * len(self.controllers) if self.full else squares
+        without = self.blocks[0].exact
+        if self.full:
+            squares *= len(self.controllers) - without
+        return [fmpq(1)] * without + squares
 
     def powers(self, setting: int) -> int:
         """Powers of sigma of a column of E: one where its controller has a pole at s = 0."""
@@ -227,7 +242,9 @@ class EnclosedLoop:
             inverse.scaled(self.loop.level_squared * w[i])
             for i, inverse in enumerate(self._inverse_of_M(block, X))
         ]
-        over_X = [w[i] / X[x] for i, x in enumerate(block.settings)]
+        over_X = [
+            w[i] / X[x] if i >= block.exact else fmpq(0) for i, x in enumerate(block.settings)
+        ]
         E_right = [[E[c][i].conjugate * over_M[i] for i in inputs] for c in outputs]
         G_right = [[G[c][i].conjugate.scaled(over_X[i]) for i in inputs] for c in outputs]
         elements = []
@@ -258,14 +275,17 @@ class EnclosedLoop:
         w_I, w_P = self._weights_squared
         square = self.frame.sigma * self.frame.sigma.conjugate
         found = []
-        for x, demanded in zip(block.settings, block.demanded, strict=True):
+        for i, (x, demanded) in enumerate(zip(block.settings, block.demanded, strict=True)):
             controller = self._controllers[x]
-            own = (w_I[x] * (controller * controller.conjugate)).scaled(X[x])
+            errs = i >= block.exact
+            own = (w_I[x] * (controller * controller.conjugate)).scaled(X[x] if errs else fmpq(0))
             powers = self.loop.powers(x)
             wanted = self.loop.performance.integrators if demanded else powers
             M = own * square if wanted > powers else own
             if demanded:
                 M = M + (w_P * square if powers > wanted else w_P)
+                if powers > wanted and not errs:  # a larger M is a stronger claim
+                    M = M + w_P.scaled(SLIGHT)
             inverse = M.reciprocal()
             found.append(inverse * square if wanted > powers else inverse)
         return found

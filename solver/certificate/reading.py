@@ -10,6 +10,7 @@ from solver.certificate.enclosures import Interval
 from solver.certificate.record import FORMAT, VERSION, Certificate, Claim, ProvenInterval
 from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError
+from solver.model.mixed_plant import MixedPlant
 from solver.model.plants import MatrixPlant, ParallelPlant
 from solver.model.transfer_function import TransferFunction
 from solver.model.weights import Performance, Structure, Uncertainty
@@ -88,7 +89,34 @@ def _plant(value: object) -> Plant:
         return MatrixPlant(
             _within("/elements", _each(_each(_transfer_function)), members["elements"])
         )
-    return _refuse('must be "parallel" or "matrix"', "/kind")
+    if kind == "mixed":
+        return _mixed(value)
+    return _refuse('must be "parallel", "matrix" or "mixed"', "/kind")
+
+
+def _mixed(value: object) -> MixedPlant:
+    members = _members(value, "kind plant outputs inputs shared")
+    plant = _within("/plant", _plant, members["plant"])
+    if isinstance(plant, MixedPlant):
+        _refuse('must be "parallel" or "matrix"', "/plant/kind")
+    if not isinstance(members["shared"], bool):
+        _refuse("must be true or false", "/shared")
+    outputs, inputs = (
+        _within(f"/{name}", _each(_each(_number)), members[name]) for name in ("outputs", "inputs")
+    )
+    loops = len(outputs)
+    for name, rows, shape in (("outputs", outputs, (loops, plant.n)),
+                              ("inputs", inputs, (plant.n, loops))):  # fmt: skip
+        if not loops or len(rows) != shape[0]:
+            _refuse(f"must have {shape[0] or 1} rows", f"/{name}")
+        for index, row in enumerate(rows):
+            if len(row) != shape[1]:
+                _refuse(f"must have {shape[1]} entries", f"/{name}/{index}")
+    if not members["shared"]:
+        own = [[float(each == loop) for loop in range(loops)] for each in range(plant.n)]
+        if list(map(list, inputs)) != own:
+            _refuse("must be true where loops do not have an input each", "/shared")
+    return MixedPlant(plant, outputs, inputs, members["shared"])
 
 
 def _transfer_function(value: object) -> TransferFunction:

@@ -17,6 +17,7 @@ from solver.certificate.enclosures import Interval
 from solver.certificate.reduction import scale_count
 from solver.model.errors import InvalidInputError
 from solver.model.given import require_loops, require_weights
+from solver.model.mixed_plant import MixedPlant
 from solver.model.plants import ParallelPlant
 from solver.model.validation import instance, instances, real, reals, settle
 
@@ -45,6 +46,7 @@ class ProvenInterval:
         where the plant is a matrix; a single one for full-block uncertainty. Settings of outputs
         with unlike permitted errors, or of inputs or outputs with unlike uncertainty, are
         different; the scales go with the plant E^-1 G E. Where outputs err, their scales follow.
+        Of loops that share inputs: of each input.
 
     """
 
@@ -211,6 +213,14 @@ def _digest(content: dict[str, Any]) -> str:
 
 
 def _plant(plant: Plant) -> dict[str, Any]:
+    if isinstance(plant, MixedPlant):
+        return {
+            "kind": "mixed",
+            "plant": _plant(plant.plant),
+            "outputs": [[float(entry) for entry in row] for row in plant.outputs],
+            "inputs": [[float(entry) for entry in row] for row in plant.inputs],
+            "shared": plant.shared,
+        }
     if isinstance(plant, ParallelPlant):
         return {
             "kind": "parallel",

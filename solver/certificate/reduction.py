@@ -15,6 +15,11 @@ Where the outputs err too, (I + w_O Delta_O) G, the loop is twice as wide: the p
 [[0, I], [-G, 0]] under diag(C, I), with w_I on its first inputs and w_O on the others. Both halves
 of its outputs are combined by T, so that T G stands there again. Each of the settings then has a
 second entry: the controller 1, and a D-scale of its own.
+
+Loops that move combinations M_u of the inputs, and control combinations M_y of the outputs, leave
+the errors with the inputs (`solver.model.mixing`): the plant [[0, E^-1 M_y G], [-M_u E, 0]] under
+diag(C, I). What the loops move does not err: in the sums
+over the inputs those columns are left out that an error would come in by.
 """
 
 from __future__ import annotations
@@ -22,17 +27,18 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeGuard
 
 from flint import fmpq
 
 from solver.certificate.enclosures import ExactResponse, exact
+from solver.model.mixed_plant import MixedPlant
 from solver.model.plants import ParallelPlant
 from solver.model.transfer_function import TransferFunction
 from solver.model.weights import Structure
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     from solver.model.controllers import Controller
     from solver.model.plants import Plant
@@ -45,6 +51,7 @@ __all__ = [
     "blocks",
     "scale_count",
     "settings_of",
+    "shares_inputs",
     "width_of",
 ]
 
@@ -57,13 +64,14 @@ class GroupSettings:
     """Controller settings that have one D-scale, and how many loops have them.
 
     `error` is the permitted error of their outputs, `weight` the uncertainty of their inputs,
-    `outputs` that of their outputs, if these err.
+    `outputs` that of their outputs, if these err. Loops that share inputs have no uncertainty of
+    their own: `weight` is None.
     """
 
     controller: Controller
     loops: int
     error: float
-    weight: TransferFunction
+    weight: TransferFunction | None
     outputs: TransferFunction | None
 
 
@@ -85,6 +93,8 @@ class ExactBlock:
         Elements of T G are a factor times a response, (k, k) by rows.
     multiplicity : int
         How often the block occurs.
+    exact : int
+        How many of the inputs do not err: the first ones.
 
     """
 
@@ -95,11 +105,17 @@ class ExactBlock:
     factors: tuple[tuple[fmpq, ...], ...]
     responses: tuple[tuple[ExactResponse, ...], ...]
     multiplicity: int = 1
+    exact: int = 0
 
     @cached_property
     def integrators(self) -> tuple[int, ...]:
         """Poles at s = 0 in each row of T G, (k,)."""
         return tuple(max(response.integrators for response in row) for row in self.responses)
+
+
+def shares_inputs(plant: Plant) -> TypeGuard[MixedPlant]:
+    """Whether the errors are those of inputs that the loops share."""
+    return isinstance(plant, MixedPlant) and plant.shared
 
 
 def settings_of(
@@ -113,7 +129,9 @@ def settings_of(
     Equal settings on a parallel plant share one where the permitted errors of their outputs and the
     uncertainty of their inputs are equal too; on a matrix plant each loop has its own.
     """
-    weights = [uncertainty.weight_of(unit) for unit in range(len(loops))]
+    weights: list[TransferFunction | None] = [None] * len(loops)
+    if not shares_inputs(plant):
+        weights = [uncertainty.weight_of(unit) for unit in range(len(loops))]
     given = uncertainty.outputs
     outputs = [None if given is None else given.weight_of(unit) for unit in range(len(loops))]
     errors = output_scale or (1.0,) * len(loops)
@@ -131,6 +149,8 @@ def scale_count(
     """Return the number of D-scales: one for a full block."""
     if uncertainty.structure is Structure.FULL:
         return 1
+    if shares_inputs(plant):
+        return plant.plant.n
     return width_of(plant, loops, uncertainty, output_scale)
 
 
@@ -140,14 +160,20 @@ def width_of(
     uncertainty: Uncertainty,
     output_scale: Sequence[float] | None,
 ) -> int:
-    """Return the number of different settings; where outputs err, twice that."""
+    """Return the number of different settings; twice that where outputs err, inputs are shared."""
     count = len(settings_of(plant, loops, uncertainty, output_scale))
+    if shares_inputs(plant):
+        return count + plant.plant.n
     return count if uncertainty.outputs is None else 2 * count
 
 
-def blocks(plant: Plant, settings: Sequence[GroupSettings]) -> tuple[ExactBlock, ...]:
-    """Return the independent blocks of the loop."""
+def blocks(
+    plant: Plant, settings: Sequence[GroupSettings], *, known: bool = False
+) -> tuple[ExactBlock, ...]:
+    """Return the independent blocks of the loop; `known`: without the errors of shared inputs."""
     errors = [exact(group.error) for group in settings]
+    if shares_inputs(plant) and not known:
+        return (_shared_block(plant, errors),)
     if isinstance(plant, ParallelPlant):
         found = _parallel_blocks(plant, [group.loops for group in settings], errors)
     else:
@@ -223,7 +249,60 @@ def _matrix_block(plant: Plant, errors: Sequence[fmpq]) -> ExactBlock:
         weights=(fmpq(1),) * plant.n,
         combination=tuple(tuple(fmpq(r == c) for c in size) for r in size),
         factors=tuple(tuple(errors[c] / errors[r] for c in size) for r in size),
-        responses=tuple(
-            tuple(ExactResponse.combined([(1, plant.element(r, c))]) for c in size) for r in size
+        responses=tuple(tuple(_sum(_exact_terms(plant, r, c)) for c in size) for r in size),
+    )
+
+
+def _exact_terms(plant: Plant, row: int, column: int) -> Iterator[tuple[fmpq, TransferFunction]]:
+    """Yield what an entry is the sum of: no product of its factors is rounded."""
+    if not isinstance(plant, MixedPlant):
+        yield fmpq(1), plant.element(row, column)
+        return
+    for output, each in plant.acting(row, column):
+        factor = exact(plant.outputs[row][output]) * exact(plant.inputs[each][column])
+        yield factor, plant.plant.element(output, each)
+
+
+def _sum(terms: Iterable[tuple[fmpq, TransferFunction]]) -> ExactResponse:
+    """Return a sum of elements, equal ones taken together first."""
+    found: dict[TransferFunction, fmpq] = {}
+    for factor, element in terms:
+        found[element] = found.get(element, fmpq(0)) + factor
+    return ExactResponse.combined([(factor, element) for element, factor in found.items()])
+
+
+def _shared_block(plant: MixedPlant, errors: Sequence[fmpq]) -> ExactBlock:
+    """Return the block of the loop wider by the inputs, which err, that its loops share."""
+    loops, inputs = range(plant.n), range(plant.plant.n)
+    size = plant.n + plant.plant.n
+    none = ExactResponse.combined([(1, TransferFunction((1.0,), (1.0,)))])
+    return ExactBlock(
+        settings=tuple(range(size)),
+        demanded=(True,) * plant.n + (False,) * plant.plant.n,
+        weights=(fmpq(1),) * size,
+        combination=tuple(tuple(fmpq(r == c) for c in range(size)) for r in range(size)),
+        factors=(
+            *((*(fmpq(0) for _ in loops), *(1 / errors[r] for _ in inputs)) for r in loops),
+            *(
+                (
+                    *(-exact(m) * e for m, e in zip(row, errors, strict=True)),
+                    *(fmpq(0) for _ in inputs),
+                )
+                for row in plant.inputs
+            ),
         ),
+        responses=(
+            *(
+                (
+                    *(none for _ in loops),
+                    *(
+                        _sum((exact(f), plant.plant.element(k, c)) for k, f in enumerate(row))
+                        for c in inputs
+                    ),
+                )
+                for row in plant.outputs
+            ),
+            *((none,) * size for _ in inputs),
+        ),
+        exact=plant.n,
     )

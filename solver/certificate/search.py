@@ -198,12 +198,12 @@ class _CertificateSearch:
     def _prove_end(self, interval: Interval, inside: float, before: float) -> bool:
         """Whether an interval to an end of the axis is proven by the scales at one of two places.
 
-        Where outputs err the best scales move without bound towards the ends: those of before the
-        interval serve all of it, those within it do not.
+        Where outputs, or shared inputs, err the best scales may move without bound towards the
+        ends: those of before the interval serve all of it, those within it do not.
         """
         if self._prove_at(interval, inside):
             return True
-        return self.claim.uncertainty.outputs is not None and self._prove_at(interval, before)
+        return self.blocks.is_wider and self._prove_at(interval, before)
 
     def _prove_at(self, interval: Interval, inside: float) -> bool:
         """Whether the interval is proven by the D-scales optimal at the frequency `inside`."""

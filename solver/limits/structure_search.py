@@ -8,7 +8,7 @@ the exact upper bound at its best scales. The grid takes up the peaks that a den
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from solver.model.weights import Performance, Uncertainty
     from solver.robustness.centralised import Centralised
 
-__all__ = ["StructureSearch", "StructuredController", "structured_controllers"]
+__all__ = ["StructuredController", "structured_controllers"]
 
 POINTS_PER_DECADE = 12.0
 MATRIX_POINTS = 8.0  # a scale for each channel: mu costs a hundred times as much
@@ -61,8 +61,6 @@ SLOWER = 10.0  # by which tau_P grows while no settings are found that meet it
 EXCHANGES = 8
 MISSED = 1e-7  # of mu above its level at a frequency that the grid lacked
 SLOWEST_TRIED = 1e4  # times the inverse bandwidth: the integral action alone is left of the demand
-PROJECTIONS = 1000  # on the worst plane: two per controller that meet at half a right angle
-ON_PLANE = 1e-10  # of a setting's logarithm: the planes are kept 2e-9 within the limits
 ROOM = 1e-6  # relative addition to tau_P for peaks between the points of the dense grid
 ATTEMPTS = 6
 
@@ -87,8 +85,6 @@ class StructuredController:
         The whole controller, u = C e; None where it is too large to be written down.
     robustness : Centralised
         Peaks and curves.
-    theta : (p,)
-        Logarithms of the settings, as the structure has them.
 
     """
 
@@ -99,7 +95,6 @@ class StructuredController:
     mixing: tuple[NDArray[np.float64], ...]
     controller: StateSpace | ModeController | None
     robustness: Centralised
-    theta: NDArray[np.float64] = field(compare=False, repr=False)
 
 
 def structured_controllers(
@@ -131,7 +126,7 @@ def structured_controllers(
     best: dict[StructureKind, StructuredController] = {}
     for structure in structures(plant, uncertainty, youla, bandwidth, identical):
         try:
-            found = StructureSearch(structure, uncertainty, performance, tick).run()
+            found = _StructureSearch(structure, uncertainty, performance, tick).run()
         except EnoughError:
             break
         before = best.get(structure.kind)
@@ -140,7 +135,7 @@ def structured_controllers(
     return sorted(best.values(), key=lambda each: each.value)
 
 
-class StructureSearch:
+class _StructureSearch:
     """The search for the best settings of one structure.
 
     Parameters
@@ -149,8 +144,6 @@ class StructureSearch:
         What is sought.
     uncertainty, performance, tick
         As for `structured_controllers`.
-    planes : tuple of (r, p) and (r,), or None
-        Rows and limits that the logarithms of the settings keep, `rows @ theta <= limits`.
 
     """
 
@@ -160,12 +153,9 @@ class StructureSearch:
         uncertainty: Uncertainty,
         performance: Performance,
         tick: Callable[[], None] = lambda: None,
-        planes: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None,
     ) -> None:
         plant = structure.blocks.plant
-        self.planes = planes
         bandwidth = bandwidth_of(plant, uncertainty, corners(plant, uncertainty))
-        self._best: tuple[float, NDArray[np.float64]] | None = None
         self.structure, self.uncertainty, self.performance = structure, uncertainty, performance
         self.tick = tick
         self.tau_p = performance.tau_p
@@ -183,7 +173,7 @@ class StructureSearch:
 
     def run(self) -> StructuredController | None:
         """Return the best settings; None where none were found that meet the demand."""
-        starts = [self._within(start) for start in self.structure.starts]
+        starts = self.structure.starts
         ranked = sorted((self._rough(start), number) for number, start in enumerate(starts))
         finite = [number for value, number in ranked if math.isfinite(value)][:STARTS]
         best: tuple[float, NDArray[np.float64]] | None = None
@@ -192,23 +182,6 @@ class StructureSearch:
             if found is not None and (best is None or found[0] < best[0]):
                 best = found
         return None if best is None else self._checked(best[1])
-
-    def kept(self) -> StructuredController | None:
-        """Return the best settings met so far, where `run` was cut short."""
-        return None if self._best is None else self._checked(self._best[1])
-
-    def _within(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return settings near to these that keep the planes: projections on one after another."""
-        if self.planes is None:
-            return theta
-        rows, limits = self.planes
-        for _ in range(PROJECTIONS):
-            beyond = rows @ theta - limits
-            worst = int(beyond.argmax())
-            if beyond[worst] <= ON_PLANE:
-                break
-            theta = theta - beyond[worst] * rows[worst] / (rows[worst] @ rows[worst])
-        return theta
 
     def _on(self, omega: NDArray[np.float64]) -> None:
         self.omega = omega
@@ -393,12 +366,6 @@ class StructureSearch:
         end = np.zeros(size + 1)
         end[size] = 1.0
         constraints: list[dict[str, Any]] = [{"type": "ineq", "fun": room, "jac": slopes}]
-        if self.planes is not None:
-            rows, limits = self.planes
-            normals = np.hstack([-rows, np.zeros((len(rows), 1))])
-            constraints.append(
-                {"type": "ineq", "fun": lambda x: limits + normals @ x, "jac": lambda _: normals}
-            )
         for _ in range(restarts):
             found = minimize(
                 lambda x: x[size], np.append(theta, level), jac=lambda _: end, method="SLSQP",
@@ -408,16 +375,13 @@ class StructureSearch:
             )  # fmt: skip
             if not np.isfinite(found.x).all():
                 break
-            trial = self._within(np.clip(found.x, low, high)[:size])
+            trial = np.clip(found.x, low, high)[:size]
             reached = self._level(trial, tau_p, level if tau_p is None else None)
             if not reached < level - SETTLED or centralised_poles(
                 self.structure.blocks, self.structure.controllers(trial)
             ):
                 break
             theta, level = trial, reached
-            # Of levels of mu at some tau_P none says that the demand is met.
-            if tau_p == self.tau_p and (self._best is None or level < self._best[0]):
-                self._best = level, theta
         return theta
 
     def _analysis(self, theta: NDArray[np.float64], tau_p: float) -> CentralisedAnalysis:
@@ -470,7 +434,7 @@ class StructureSearch:
                 )
                 return StructuredController(
                     structure.kind, tau_p if self.sought else peak.value, tau_p, settings,
-                    structure.mixing, structure.full(theta), found, theta,
+                    structure.mixing, structure.full(theta), found,
                 )  # fmt: skip
             self._on(np.union1d(self.omega, [peak.omega]))
         return None

@@ -41,7 +41,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Structure", "StructureKind", "structures"]
 
-PI_PARAMETERS = ("gain", "integral_time")
 SPEEDS = (0.02, 0.07, 0.2, 0.6)  # crossover over the bandwidth: where searches begin
 INTEGRAL = 3.0  # integral time over the inverse crossover, for plants slower than the loop
 FILTER = 1e3  # corner of the filter that makes an inverse proper, over the bandwidth
@@ -82,8 +81,6 @@ class Structure:
         time free.
     starts : list of (p,)
         Logarithms of settings to begin with: gain, integral time of each controller.
-    parameters : tuple of str
-        What is free in each controller, in this order, where `base` is None.
 
     """
 
@@ -95,27 +92,16 @@ class Structure:
     acts_on: tuple[str, ...]
     base: tuple[StateSpace, ...] | None
     starts: list[NDArray[np.float64]]
-    parameters: tuple[str, ...] = PI_PARAMETERS
-
-    def loops(self, theta: NDArray[np.float64]) -> tuple[Controller, ...]:
-        """Return the scalar controllers, without a `base`, for the logarithms `theta` (p,)."""
-        rows = np.exp(theta).reshape(-1, len(self.parameters)).tolist()
-        return tuple(Controller(**dict(zip(self.parameters, row, strict=True))) for row in rows)
 
     def settings(self, theta: NDArray[np.float64]) -> list[tuple[float, float | None]]:
         """Gain and integral time of each scalar controller for the logarithms `theta` (p,)."""
         values = np.exp(theta).tolist()
         if self.base is not None:
             return [(gain, None) for gain in values]
-        per = len(self.parameters)
-        return list(zip(values[::per], values[1::per], strict=True))
+        return list(zip(values[::2], values[1::2], strict=True))
 
     def scalars(self, theta: NDArray[np.float64]) -> list[StateSpace]:
         """Scalar controllers for the logarithms `theta` (p,)."""
-        if self.base is None and self.parameters != PI_PARAMETERS:
-            return [
-                from_polynomials(*map(np.asarray, loop.polynomials)) for loop in self.loops(theta)
-            ]
         found = []
         for number, (gain, integral_time) in enumerate(self.settings(theta)):
             if integral_time is None:
@@ -138,9 +124,7 @@ class Structure:
     ) -> list[NDArray[np.complex128]]:
         """Return the same at `omega` (k,): (k, m, m) each."""
         s = np.complex128(1j) * omega
-        if self.base is None and self.parameters != PI_PARAMETERS:
-            scalars = [np.asarray(loop.response(omega)) for loop in self.loops(theta)]
-        elif self.base is None:
+        if self.base is None:
             scalars = [
                 gain * (1 + 1 / (integral_time * s))
                 for gain, integral_time in self.settings(theta)

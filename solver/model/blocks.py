@@ -20,6 +20,12 @@ Errors of the outputs, (I + w_O Delta_O) G, are errors of the inputs of a loop t
 the plant [[0, I], [-G, 0]] and the controllers diag(C, I): its second inputs are the outputs of G,
 which become those of the plant by (I + w_O Delta_O). det(I + G C) stays, and only of the first
 outputs anything is demanded. Each block doubles so, and all else takes it for a block like others.
+
+Loops that move combinations M_u of the inputs, and control combinations M_y of the outputs
+(`solver.model.mixing`), leave the errors with the inputs: M_y G (I + w_I Delta) M_u C. That is a
+loop wider by the inputs of G, with the plant [[0, M_y G], [-M_u, 0]] and the controllers
+diag(C, I): what the loops move does not err, what comes of it does. With permitted errors the plant
+is [[0, E^-1 M_y G], [-M_u E, 0]].
 """
 
 from __future__ import annotations
@@ -33,8 +39,9 @@ import numpy as np
 
 from solver.model.errors import InvalidInputError
 from solver.model.measured import MeasuredPlant
+from solver.model.mixed_plant import MixedPlant
 from solver.model.neighbours import MAX_LINE, Mode, NeighbourPlant, modes, period, sections
-from solver.model.plants import ParallelPlant, Plant
+from solver.model.plants import ParallelPlant, Plant, WeightedElement
 from solver.model.weights import Structure
 
 if TYPE_CHECKING:
@@ -57,10 +64,11 @@ __all__ = [
     "group_loops",
     "marks",
     "reduce",
+    "with_inputs",
     "with_outputs",
 ]
 
-KNOWN = -1  # controller of a channel where an output errs: it is 1
+KNOWN = -1  # controller of a channel where an output, or an input that loops share, errs: it is 1
 
 
 class Layout(NamedTuple):
@@ -69,7 +77,8 @@ class Layout(NamedTuple):
     Attributes
     ----------
     channels, scales : (rows,)
-        Controller and D-scale of each row; `KNOWN` where an output errs.
+        Controller and D-scale of each row; `KNOWN` where an output errs, or an input that loops
+        share. A row that does not err has any scale, and the weight 0.
     first : (blocks + 1,)
         First row of each block, with the number of rows at the end.
 
@@ -80,13 +89,6 @@ class Layout(NamedTuple):
     first: NDArray[np.int64]
 
 
-class WeightedElement(NamedTuple):
-    """A transfer function of the plant, and what it is multiplied by."""
-
-    factor: float
-    element: TransferFunction
-
-
 @dataclass(frozen=True)
 class Block:
     """One independent part of the loop.
@@ -94,7 +96,7 @@ class Block:
     Parameters
     ----------
     channels : tuple of int
-        Controller of each channel of the block; `KNOWN` where an output errs.
+        Controller of each channel of the block; `KNOWN` where it is 1.
     scales : tuple of int
         D-scale of each channel.
     multiplicity : int
@@ -140,6 +142,9 @@ class LoopBlocks:
     outputs_err : bool
         Whether the outputs err too: each block then has twice its channels, and the scales of the
         outputs follow those of the inputs.
+    inputs_shared : bool
+        Whether the inputs that err are those that the loops of a `MixedPlant` share: its one block
+        then has a channel for each loop and one for each input.
 
     """
 
@@ -150,6 +155,12 @@ class LoopBlocks:
     parts: tuple[tuple[int, ...], ...]
     output_scale: tuple[float, ...] | None = None
     outputs_err: bool = False
+    inputs_shared: bool = False
+
+    @property
+    def is_wider(self) -> bool:
+        """Whether channels are added where outputs, or shared inputs, err."""
+        return self.outputs_err or self.inputs_shared
 
     @property
     def n_controllers(self) -> int:
@@ -162,11 +173,15 @@ class LoopBlocks:
 
     def __call__(self, s: NDArray[np.complex128]) -> tuple[NDArray[np.complex128], ...]:
         """Plant of each block at the complex points `s` (k,): (k, m, m) complex each."""
+        if self.inputs_shared:
+            return (self._shared(s),)
         found = self.known(s)
         return tuple(map(with_outputs, found)) if self.outputs_err else found
 
     def known(self, s: NDArray[np.complex128]) -> tuple[NDArray[np.complex128], ...]:
-        """Return the same without what is added where outputs err."""
+        """Return the same without what is added where outputs, or shared inputs, err."""
+        if isinstance(self.plant, MixedPlant):
+            return ((self._combined(s) @ self.plant.to_inputs) * self.ratios,)
         if isinstance(self.plant, MeasuredPlant):
             return (self.plant.response(s.imag) * self.ratios,)
         if self.modes:
@@ -186,6 +201,20 @@ class LoopBlocks:
         own = np.arange(len(self.parts))
         mean[:, own, own] += single[:, 0]
         return (mean, *(single for _ in self.blocks[1:]))
+
+    def _combined(self, s: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Return M_y G, from the inputs of a mixed plant, (k, loops, inputs)."""
+        assert isinstance(self.plant, MixedPlant)  # noqa: S101 - for the type checker
+        rows = self.plant.plant.rows
+        values = {e: np.asarray(e(s)) for row in rows for e in row}
+        G = np.moveaxis(np.array([[values[e] for e in row] for row in rows]), -1, 0)
+        return np.asarray(self.plant.to_outputs @ G)
+
+    def _shared(self, s: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Return [[0, E^-1 M_y G], [-M_u E, 0]] at the complex points `s` (k,)."""
+        assert isinstance(self.plant, MixedPlant)  # noqa: S101 - for the type checker
+        e = np.array(self.output_scale or (1.0,) * self.plant.n)
+        return with_inputs(self._combined(s) / e[:, None], self.plant.to_inputs * e)
 
     @cached_property
     def _coupling(self) -> NDArray[np.float64]:
@@ -242,6 +271,10 @@ class LoopBlocks:
 
         `uncertainty` is that which the blocks were made for.
         """
+        if self.inputs_shared:
+            loops = self.plant.n
+            w_I = uncertainty.responses(omega, range(self.blocks[0].size - loops))
+            return np.concatenate([np.zeros((len(w_I), loops)), w_I], axis=1)
         units = [part[0] for part in self.parts]
         w_I = uncertainty.responses(omega, units)
         if self.modes or uncertainty.outputs is not None:  # each part has a scale of its own
@@ -256,7 +289,8 @@ class LoopBlocks:
 
     def squared(self, uncertainty: Uncertainty, omega: ArrayLike) -> NDArray[np.float64]:
         """Return the square of the weight of each row's magnitude, (k, rows)."""
-        if uncertainty.outputs is None and not uncertainty.unlike_inputs:
+        alike = uncertainty.outputs is None and not uncertainty.unlike_inputs
+        if alike and not self.inputs_shared:
             points = 1j * np.atleast_1d(np.asarray(omega, dtype=float))
             size = np.abs(uncertainty.weights[0](points)) ** 2
             return np.repeat(size[:, None], self.layout.channels.size, axis=1)
@@ -271,16 +305,18 @@ class LoopBlocks:
         return np.asarray(e / e[:, None])
 
     def terms(self, index: int) -> tuple[tuple[tuple[WeightedElement, ...], ...], ...]:
-        """Return what the entries of block `index` are sums of, row by row."""
+        """Return what the entries of block `index` are sums of, row by row: those of `known`."""
         plant = self.plant
         if self.modes:
             return self._ring_terms(index)
         if not isinstance(plant, ParallelPlant):
+            size, ratios = range(plant.n), self.ratios.tolist()
             return tuple(
                 tuple(
-                    (WeightedElement(ratio, element),) for ratio, element in zip(*row, strict=True)
+                    tuple(WeightedElement(f * ratios[r][c], e) for f, e in plant.terms(r, c))
+                    for c in size
                 )
-                for row in zip(self.ratios.tolist(), plant.rows, strict=True)
+                for r in size
             )
         g, i = plant.process, plant.interaction
         if index:
@@ -400,6 +436,8 @@ def reduce(
                     "be the same for all, the uncertainty diagonal"
                 )
             raise InvalidInputError(message, "/plant/n")
+        if isinstance(plant, MixedPlant) and plant.shared and uncertainty is not None:
+            return _shared(plant, partition, channels, scales, full=full)
         own = (0,) * plant.n if full else tuple(range(plant.n))
         found = LoopBlocks(
             plant,
@@ -424,6 +462,22 @@ def reduce(
     return _doubled(found) if err else found
 
 
+def _shared(
+    plant: MixedPlant,
+    partition: tuple[tuple[int, ...], ...],
+    channels: tuple[int, ...],
+    scales: tuple[float, ...] | None,
+    *,
+    full: bool,
+) -> LoopBlocks:
+    """Return the block of the loop wider by the inputs, which err, that its loops share."""
+    inputs = plant.plant.n
+    own = (0,) * inputs if full else tuple(range(inputs))
+    block = Block(channels + (KNOWN,) * inputs, (0,) * plant.n + own, 1)
+    n_scales = 1 if full else inputs
+    return LoopBlocks(plant, partition, (block,), n_scales, plant.kinds, scales, inputs_shared=True)
+
+
 def _doubled(found: LoopBlocks) -> LoopBlocks:
     """Return the blocks of the loop twice as wide, in which the outputs err."""
     blocks = (
@@ -443,6 +497,15 @@ def with_outputs(G: NDArray[np.complex128]) -> NDArray[np.complex128]:
     wide = np.zeros((len(G), 2 * m, 2 * m), dtype=complex)
     wide[:, :m, m:] = np.eye(m)
     wide[:, m:, :m] = -G
+    return wide
+
+
+def with_inputs(G: NDArray[np.complex128], M: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """Return [[0, G], [-M, 0]] of G (k, m, i), M (i, m) or (k, i, m): loops that share inputs."""
+    loops, size = G.shape[1], sum(G.shape[1:])
+    wide = np.zeros((len(G), size, size), dtype=complex)
+    wide[:, :loops, loops:] = G
+    wide[:, loops:, :loops] = -M
     return wide
 
 

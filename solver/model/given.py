@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError
+from solver.model.mixed_plant import MixedPlant
 from solver.model.plants import Plant
 from solver.model.validation import instance, instances
 from solver.model.weights import Performance, Structure, Uncertainty
@@ -60,9 +61,13 @@ def require_fit(plant: Plant, uncertainty: Uncertainty, performance: Performance
     instance(uncertainty, Uncertainty, "/uncertainty")
     instance(performance, Performance, "/performance")
     weight = uncertainty.weight
-    if isinstance(weight, tuple) and len(weight) != plant.n:
-        message = f"{len(weight)} uncertainties for a plant of {plant.n} inputs: one an input"
+    inputs = plant.plant.n if isinstance(plant, MixedPlant) and plant.shared else plant.n
+    if isinstance(weight, tuple) and len(weight) != inputs:
+        message = f"{len(weight)} uncertainties for a plant of {inputs} inputs: one an input"
         raise InvalidInputError(message, "/uncertainty")
+    if isinstance(plant, MixedPlant) and uncertainty.outputs is not None:
+        message = "sensors err in outputs as they are, not in combinations of them"
+        raise InvalidInputError(message, "/uncertainty/outputs")
     outputs = None if uncertainty.outputs is None else uncertainty.outputs.weight
     if isinstance(outputs, tuple) and len(outputs) != plant.n:
         message = f"{len(outputs)} uncertainties for a plant of {plant.n} outputs: one an output"

@@ -8,28 +8,24 @@ M_y G (I + w_I Delta) M_u, Delta diagonal.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from solver.model.deviations import change_gain
 from solver.model.errors import InvalidInputError, UnsupportedPlantError
 from solver.model.measured import MeasuredPlant
-from solver.model.plants import MAX_MATRIX_SIZE, MatrixPlant
-from solver.model.transfer_function import TransferFunction
+from solver.model.mixed_plant import MixedPlant, summed
+from solver.model.plants import MAX_MATRIX_SIZE, MatrixPlant, Plant, WeightedElement
 from solver.model.validation import items, reals, settle
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from numpy.typing import NDArray
 
-    from solver.model.plants import Plant
+__all__ = ["Mixing", "mixed", "summed_outputs"]
 
-__all__ = ["Mixing", "mixed_outputs"]
-
-ROUNDED = 1e-13  # of what a coefficient is summed from: zero but for rounding
-SAME = 1e-12  # relative difference of coefficients that are one
 REGULAR = 1e12  # condition, rows and columns scaled, beyond which a matrix is singular
 
 _Rows = tuple[tuple[float, ...], ...]
@@ -99,20 +95,80 @@ class Mixing:
             raise InvalidInputError(message, field)
 
     @property
-    def of_inputs(self) -> Mixing | None:
-        """What is left where the outputs are mixed already."""
-        return None if self.inputs is None else replace(self, outputs=None)
+    def own_inputs(self) -> tuple[int, ...] | None:
+        """The input of each loop where each moves one alone; None where some move several."""
+        if self.inputs is None:
+            return tuple(range(len(self.outputs or ())))
+        there = np.array(self.inputs) != 0
+        if (there.sum(axis=0) != 1).any():
+            return None
+        return tuple(there.argmax(axis=0).tolist())
 
 
-def mixed_outputs(plant: Plant, mixing: Mixing) -> Plant:
-    """Return the plant from its inputs to the combinations of outputs.
+def mixed(plant: Plant, mixing: Mixing) -> Plant:
+    """Return the plant from what the loops move to what they control.
 
     Parameters
     ----------
     plant : Plant
         At most `MAX_MATRIX_SIZE` units.
     mixing : Mixing
-        Fits it.
+        Of its size.
+
+    Raises
+    ------
+    InvalidInputError
+        It is of another size.
+    UnsupportedPlantError
+        Combinations of the inputs of a plant given as frequency response.
+
+    """
+    mixing.require_size(plant.n, "")
+    own = mixing.own_inputs
+    if mixing.inputs is not None and own is not None:
+        plant = _with_own_inputs(plant, mixing.inputs, own)
+    if isinstance(plant, MeasuredPlant):
+        if own is None:
+            message = (
+                "loops that move combinations of inputs need a plant of transfer functions, not "
+                "one given as frequency response"
+            )
+            raise UnsupportedPlantError(message, "/mixing/inputs")
+        return summed_outputs(plant, mixing)
+    if own is not None and (mixing.outputs is None or _is_identity(mixing.outputs)):
+        return plant
+    each = tuple(map(tuple, np.eye(plant.n).tolist()))
+    inputs = mixing.inputs if own is None and mixing.inputs is not None else each
+    return MixedPlant(plant, mixing.outputs or each, inputs, own is None)
+
+
+def _is_identity(rows: _Rows) -> bool:
+    return bool((np.array(rows) == np.eye(len(rows))).all())
+
+
+def _with_own_inputs(plant: Plant, inputs: _Rows, own: tuple[int, ...]) -> Plant:
+    """Return the plant whose loops have an input each: only its place and unit are others."""
+    factors = [inputs[unit][loop] for loop, unit in enumerate(own)]
+    if isinstance(plant, MeasuredPlant):
+        return plant.paired(own).scaled(np.tile(factors, (plant.n, 1)))
+    if own == tuple(range(plant.n)) and len(set(factors)) == 1:
+        same = factors[0] == 1
+        return plant if same else plant.mapped(partial(change_gain, factor=factors[0]))
+    return MatrixPlant(
+        [
+            [
+                change_gain(plant.element(row, unit), factor)
+                for unit, factor in zip(own, factors, strict=True)
+            ]
+            for row in range(plant.n)
+        ]
+    )
+
+
+def summed_outputs(plant: Plant, mixing: Mixing) -> Plant:
+    """Return the plant from its inputs to the combinations of outputs, written out.
+
+    Parameters: as for `mixed`.
 
     Raises
     ------
@@ -128,53 +184,16 @@ def mixed_outputs(plant: Plant, mixing: Mixing) -> Plant:
     size = range(plant.n)
     return MatrixPlant(
         [
-            [_sum([(factor, plant.element(k, c)) for k, factor in enumerate(row)], r) for c in size]
+            [
+                summed(
+                    [WeightedElement(f, plant.element(k, c)) for k, f in enumerate(row)],
+                    f"/mixing/outputs/{r}",
+                )
+                for c in size
+            ]
             for r, row in enumerate(mixing.outputs)
         ]
     )
-
-
-def _sum(terms: Sequence[tuple[float, TransferFunction]], row: int) -> TransferFunction:
-    """Return the sum of multiples of transfer functions."""
-    terms = [(factor, e) for factor, e in terms if factor != 0 and not e.is_zero]
-    if len({e.dead_time for _, e in terms}) > 1:
-        message = (
-            "a sum of elements with unlike dead times is no transfer function: give them one dead "
-            "time, or the plant as frequency response"
-        )
-        raise UnsupportedPlantError(message, f"/mixing/outputs/{row}")
-    # Elements of one denominator add up by their numerators.
-    parts: list[tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]] = []
-    for factor, e in terms:
-        scale = e.den[0]
-        num, den = factor * np.array(e.num) / scale, np.array(e.den) / scale
-        for index, (known, total, sizes) in enumerate(parts):
-            if known.size == den.size and np.allclose(known, den, rtol=SAME, atol=0):
-                parts[index] = known, _added(total, num), _added(sizes, np.abs(num))
-                break
-        else:
-            parts.append((den, num, np.abs(num)))
-    parts = [
-        (den, np.where(np.abs(num) > ROUNDED * sizes, num, 0.0), sizes) for den, num, sizes in parts
-    ]
-    parts = [part for part in parts if part[1].any()]
-    if not parts:
-        return TransferFunction((0.0,), (1.0,))
-    num, den = np.zeros(1), np.ones(1)
-    for own_den, own_num, _ in parts:
-        num = _added(np.polymul(num, own_den), np.polymul(own_num, den))
-        den = np.asarray(np.polymul(den, own_den), dtype=float)
-    num = np.trim_zeros(num, "f")
-    try:
-        return TransferFunction(num.tolist(), den.tolist(), terms[0][1].dead_time)
-    except InvalidInputError as error:
-        message = f"the combination of elements is no plant: {error.message}"
-        raise InvalidInputError(message, f"/mixing/outputs/{row}") from None
-
-
-def _added(one: NDArray[np.floating[Any]], other: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
-    """Return the sum of two polynomials."""
-    return np.asarray(np.polyadd(one, other), dtype=float)
 
 
 def _is_singular(matrix: NDArray[np.float64]) -> bool:

@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
+    from solver.model.weights import Uncertainty
+
 __all__ = [
     "MAX_MATRIX_SIZE",
     "MAX_UNITS",
@@ -38,6 +40,8 @@ __all__ = [
     "ParallelPlant",
     "PlacedElement",
     "Plant",
+    "SumOfElements",
+    "WeightedElement",
     "first_order",
 ]
 
@@ -51,6 +55,44 @@ class PlacedElement(NamedTuple):
     words: str
     pointer: str
     element: TransferFunction
+
+
+class WeightedElement(NamedTuple):
+    """A transfer function of the plant, and what it is multiplied by."""
+
+    factor: float
+    element: TransferFunction
+
+
+@dataclass(frozen=True)
+class SumOfElements:
+    """A sum of transfer functions that need not be one: their dead times may differ."""
+
+    terms: tuple[WeightedElement, ...]
+
+    def __call__(self, s: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Return the value at complex points."""
+        values = [factor * np.asarray(element(s)) for factor, element in self.terms]
+        return np.asarray(sum(values, np.zeros(np.shape(s), dtype=complex)))
+
+    def response(self, omega: ArrayLike) -> NDArray[np.complex128]:
+        """Return the frequency response at `omega` (k,) rad per time unit, (k,)."""
+        return self(1j * np.atleast_1d(np.asarray(omega, dtype=float)))
+
+    @property
+    def static_gain(self) -> float:
+        """The value at s = 0; infinite with an integrator, of the sign of the fastest rise."""
+        most = max((element.integrators for _, element in self.terms), default=0)
+        rest = [(f, e) for f, e in self.terms if e.integrators == most]
+        if not most:
+            return float(sum(f * e.static_gain for f, e in rest))
+        rise = sum(f * e.num[-1] / e.den[-1 - most] for f, e in rest)
+        return math.copysign(math.inf, rise)
+
+    @property
+    def dead_time(self) -> float:
+        """The shortest one: when anything begins."""
+        return min((element.dead_time for _, element in self.terms), default=0.0)
 
 
 class Plant(ABC):
@@ -86,9 +128,21 @@ class Plant(ABC):
     def element(self, row: int, column: int) -> TransferFunction:
         """Return the transfer function from input `column` to output `row`."""
 
+    def terms(self, row: int, column: int) -> tuple[WeightedElement, ...]:
+        """Return what acts from input `column` on output `row`, as a sum of its elements."""
+        return (WeightedElement(1.0, self.element(row, column)),)
+
+    def entry(self, row: int, column: int) -> TransferFunction | SumOfElements:
+        """Return the same as one function."""
+        return self.element(row, column)
+
     @abstractmethod
     def part(self, units: Sequence[int]) -> Plant:
         """Return the plant between the inputs and outputs of `units`, at least one."""
+
+    def errors_of(self, uncertainty: Uncertainty, units: Sequence[int]) -> Uncertainty:
+        """Return the uncertainty of `part(units)`, from that of the plant."""
+        return uncertainty.of_units(units)
 
     @abstractmethod
     def mapped(self, change: Callable[[TransferFunction], TransferFunction]) -> Plant:
@@ -118,7 +172,8 @@ class Plant(ABC):
 
     def static_gain(self) -> NDArray[np.float64]:
         """G(0), (n, n); infinite entries for integrating elements."""
-        return np.array([[element.static_gain for element in row] for row in self.rows])
+        size = range(self.n)
+        return np.array([[self.entry(row, column).static_gain for column in size] for row in size])
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,8 @@ that sigma_max(D N_RP D^-1)^2 is the largest eigenvalue of
     Q^(1/2) (S G X^-1 (S G)^H + S S^H) Q^(1/2),   Q = |w_I|^2 C^H X C + |w_P|^2,   X = D^2,
 
 which is half as wide as N_RP. Robust stability has neither S S^H nor |w_P|^2, nominal performance
-nothing else. Outputs that err are channels without a demand: S there is left out, and |w_P|^2.
+nothing else. Outputs that err are channels without a demand: S there is left out, and |w_P|^2. Of
+what does not err, w_I = 0, the columns of S G are left out.
 """
 
 import math
@@ -131,7 +132,8 @@ def _scaled(curve, c, u, b, layout, y, lo, size, S, SG, E):
         root, wide = math.sqrt(Q), 0
         if curve != NOMINAL:
             for j in range(size):
-                E[i, j] = root * math.exp(-0.5 * y[scales[lo + j]]) * SG[i, j]
+                errs = u[lo + j] > 0.0  # else nothing comes in there
+                E[i, j] = root * math.exp(-0.5 * y[scales[lo + j]]) * SG[i, j] if errs else 0j
             wide = size
         if curve != STABILITY:
             for j in range(size):

@@ -71,6 +71,8 @@ class _Scratch(NamedTuple):
         S G and S = (I + G C)^-1, block below block.
     elimination : (widest block, 2 widest block) complex
         I + G C of one block, and what becomes its inverse.
+    exact : (rows, widest block) complex
+        Columns of S G whose inputs do not err.
     p, b, b_small : (rows,)
         |w_I c|^2, the weight of the performance rows, and one so small that mu is that of the
         uncertain rows.
@@ -86,6 +88,7 @@ class _Scratch(NamedTuple):
     SG: NDArray[np.complex128]
     S: NDArray[np.complex128]
     elimination: NDArray[np.complex128]
+    exact: NDArray[np.complex128]
     p: NDArray[np.float64]
     b: NDArray[np.float64]
     b_small: NDArray[np.float64]
@@ -136,7 +139,7 @@ def sweep(G, c, u, b, layout, all_free, nu, cold, y):
     c : (k, controllers) complex
         Controller responses.
     u : (k, rows)
-        |w_I|^2 of each row's input.
+        |w_I|^2 of each row's input; 0 where it does not err.
     b : (k,)
         Weight of the performance rows: |w_P|^2, or 1 where that is sought.
     layout : Layout
@@ -169,6 +172,7 @@ def sweep(G, c, u, b, layout, all_free, nu, cold, y):
         SG=np.zeros((rows, widest), np.complex128),
         S=np.zeros((rows, widest), np.complex128),
         elimination=np.empty((widest, 2 * widest), np.complex128),
+        exact=np.empty((rows, widest), np.complex128),
         p=np.empty(rows),
         b=np.empty(rows),
         b_small=np.empty(rows),
@@ -207,6 +211,10 @@ def _sweep(G, c, u, b, layout, all_free, nu, cold, y, scratch, ws, t, slope, det
                 if channels[lo + j] < 0 or not b[k] > 0.0:
                     for i in range(lo, lo + size):
                         S[i, j] = 0j
+                if size > 2 and u[k, lo + j] == 0.0:  # does not err; slopes need the column
+                    for i in range(lo, lo + size):
+                        scratch.exact[i, j] = SG[i, j]
+                        SG[i, j] = 0j
         for i in range(rows):
             p[i] = u[k, i] * square(_acting(c[k], channels[i]))
             scratch.b[i] = b[k] if channels[i] >= 0 else 0.0
@@ -228,6 +236,14 @@ def _sweep(G, c, u, b, layout, all_free, nu, cold, y, scratch, ws, t, slope, det
         if not abs(t[k]) < math.inf:
             continue
         p_level = math.exp(t[k]) if all_free else 1.0
+        for block in range(first.size - 1):
+            lo = first[block]
+            size = first[block + 1] - lo
+            for j in range(size):
+                if size > 2 and u[k, lo + j] == 0.0:
+                    mixed[lo + j] = 0j
+                    for i in range(size):
+                        mixed[lo + j] += ws.W_gap[lo + j, i] * scratch.exact[lo + i, j]
         for i in range(rows):
             if channels[i] < 0:
                 continue

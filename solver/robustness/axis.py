@@ -18,7 +18,7 @@ import numpy as np
 
 from solver.certificate.enclosed_loop import ExactLoop
 from solver.certificate.record import Claim
-from solver.certificate.reduction import width_of
+from solver.certificate.reduction import shares_inputs, width_of
 from solver.certificate.search import BEFORE
 from solver.model.blocks import group_loops
 from solver.model.errors import InvalidInputError
@@ -150,12 +150,9 @@ def proven_peaks(
     require_bounded(analysis, loops)
     compiled = _compiled(plant, uncertainty, performance, loops)
     known, known_compiled = analysis, compiled
-    if uncertainty.outputs is not None:  # nominal performance and stability are as without errors
-        without = replace(uncertainty, outputs=None)
-        known = LoopAnalysis(
-            *group_loops(plant, loops, without, performance.output_scale), without, performance
-        )
-        known_compiled = _compiled(plant, without, performance, loops)
+    if blocks.is_wider:  # nominal performance and stability are as without errors
+        known = _known(plant, uncertainty, performance, loops)
+        known_compiled = _compiled(plant, known.uncertainty, performance, loops, known=True)
     omega = analysis.omega
     sampled = analysis.sampled((ROBUST, STABILITY, NOMINAL), omega)
     curves = Curves(omega, *(values for values, _ in sampled))
@@ -252,7 +249,7 @@ def require_bounded(analysis: LoopAnalysis, loops: Sequence[Controller]) -> None
 def proven_count(plant: Plant, loops: Sequence[Controller], analysis: LoopAnalysis) -> int | None:
     """Count the closed-loop poles with Re s >= 0 by proof; None where none was found."""
     known = replace(analysis.uncertainty, outputs=None)  # poles are those without errors
-    compiled = _compiled(plant, known, analysis.performance, loops)
+    compiled = _compiled(plant, known, analysis.performance, loops, known=True)
     return None if compiled is None else _count(*compiled.loop, analysis)
 
 
@@ -263,16 +260,34 @@ class _Compiled(NamedTuple):
     from_zero: tuple[Tables, Scratch]
 
 
-def _compiled(
+def _known(
     plant: Plant, uncertainty: Uncertainty, performance: Performance, loops: Sequence[Controller]
+) -> LoopAnalysis:
+    """Return the loop without the channels that errors of outputs, or shared inputs, add."""
+    without, scale = replace(uncertainty, outputs=None), performance.output_scale
+    of_loops = None if shares_inputs(plant) else without
+    return LoopAnalysis(*group_loops(plant, loops, of_loops, scale), without, performance)
+
+
+def _compiled(
+    plant: Plant,
+    uncertainty: Uncertainty,
+    performance: Performance,
+    loops: Sequence[Controller],
+    *,
+    known: bool = False,
 ) -> _Compiled | None:
-    """Return the loop for the compiled enclosures; None where it has too many settings."""
+    """Return the loop for the compiled enclosures; None where it has too many settings.
+
+    `known`: without the errors of shared inputs.
+    """
     if isinstance(plant, NeighbourPlant):
         return None  # the cosines of its modes are no rational numbers
     if width_of(plant, loops, uncertainty, performance.output_scale) > MOST_PROVEN:
         return None
     level = 1.0  # each march brings its own
-    loop = ExactLoop.of(Claim(plant, uncertainty, performance, tuple(loops), level), MOST_PROVEN)
+    claim = Claim(plant, uncertainty, performance, tuple(loops), level)
+    loop = ExactLoop.of(claim, MOST_PROVEN, known=known)
     T = tables(loop)
     compiled = T, scratch(T)
     if performance.offset > 0 or all(each.integral_time is not None for each in loops):
@@ -338,8 +353,7 @@ class _CurveSearch:
             start = int(np.searchsorted(self.omega, far[0]))
             self._refine(np.array([start + int(np.argmax(self.values[start:]))]))
         if self.compiled is None:
-            err = self.analysis.uncertainty.outputs is not None
-            most = MOST_PROVEN // 2 if err else MOST_PROVEN
+            most = MOST_PROVEN // 2 if self.analysis.blocks.is_wider else MOST_PROVEN
             self.reason = (
                 f"more than {most} loops differ, beyond the proof; the peak is the highest of the "
                 "samples; settings that several loops share count once"
@@ -449,7 +463,7 @@ class _CurveSearch:
             return self._lowered(start) if upper else start
         # Inside the interval, where one set of scales serves best; where outputs err they move
         # without bound in it, and those of before it serve.
-        err = self.analysis.uncertainty.outputs is not None
+        err = self.analysis.blocks.is_wider
         shift = BEFORE if err and self.curve == ROBUST else 2.0
         inside = ends * shift if upper else ends / shift
         for first in range(0, ends.size, 3):
@@ -483,10 +497,10 @@ class _CurveSearch:
     def _any_phase_bound(self, end: float) -> float:
         """Return a bound of the curve over all omega >= `end`, whatever the phases.
 
-        Infinite where outputs err: none is known.
+        Infinite where outputs, or inputs that loops share, err: none is known.
         """
         analysis = self.analysis
-        if analysis.uncertainty.outputs is not None:
+        if analysis.blocks.is_wider:
             return math.inf
         loops = analysis.blocks.expand(analysis.controllers)
         return bound_beyond(

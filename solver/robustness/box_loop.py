@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from solver.model.mixed_plant import MixedPlant
 from solver.model.plants import ParallelPlant
 from solver.mu.kernel import FINE
 from solver.mu.scaling import sweep
@@ -264,9 +265,12 @@ class BoxLoop:
     def _acting(self, index: int, place: tuple[int, int], term: int) -> dict[str, list[int]]:
         """Return which parameters act on a term of an entry, by their names."""
         row, column = place
+        plant = self.blocks.plant
+        if isinstance(plant, MixedPlant):  # what deviates is the plant that is combined
+            row, column = plant.acting(row, column)[term]
         if self.blocks.modes:  # the first section's own element is the first term
             other = row != column or term > 0
-        elif isinstance(self.blocks.plant, ParallelPlant):
+        elif isinstance(plant, ParallelPlant):
             other = term == 1 or (index == 0 and row != column)
         else:
             other = row != column

@@ -17,6 +17,7 @@ import numpy as np
 from solver.model.blocks import group_loops
 from solver.model.deviations import Parameter, coupled
 from solver.model.measured import MeasuredPlant
+from solver.model.mixed_plant import MixedPlant
 from solver.model.plants import MatrixPlant
 from solver.robustness.box_loop import Boxes, BoxLoop
 from solver.robustness.curves import LoopAnalysis
@@ -123,11 +124,12 @@ def proven_box(
 
     """
     top = levels[-1]
-    if any(parameter.unit is not None for parameter in parameters):
-        plant = MatrixPlant(plant.rows)
     reason = _beyond(plant, uncertainty)
     if reason is not None:
         return BoxProof(top, 0, None, 0, reason=reason)
+    apart = any(parameter.unit is not None for parameter in parameters)
+    if apart and not isinstance(plant, MixedPlant):
+        plant = MatrixPlant(plant.rows)
     blocks, controllers = group_loops(plant, loops, uncertainty, performance.output_scale)
     rows = max(block.size for block in blocks.blocks)
     if rows > MOST_ROWS:
@@ -172,6 +174,8 @@ def _beyond(plant: Plant, uncertainty: Uncertainty) -> str | None:
         return "measured responses are not proven"
     if uncertainty.outputs is not None:
         return "where outputs err it is not proven"
+    if isinstance(plant, MixedPlant) and plant.shared:
+        return "where loops move combinations of inputs it is not proven"
     if any(e.feedthrough != 0 and e.dead_time > 0 for e in plant.elements if not e.is_zero):
         return "what dead time feeds through is not proven"
     return None

@@ -11,8 +11,9 @@ w_P S. Where outputs err, the second half of them is not demanded anything of: w
 last term are 0 there. A column of E takes as many powers of s as its controller has poles at
 s = 0, M in its own right those of w_P; where the demand has fewer than the column, w_P alone would
 let M vanish at s = 0: on the interval from there a trifle is added, which only raises the bound. In
-place of rows, columns of G may be multiplied by powers of s (`solver.robustness.tables`). The loop
-comes from the certificate's exact numbers, each rounded once.
+place of rows, columns of G may be multiplied by powers of s (`solver.robustness.tables`). What
+loops move that share inputs does not err: w_I and the columns of G are 0 there, or a trifle where M
+would vanish. The loop comes from the certificate's exact numbers, each rounded once.
 """
 
 import math
@@ -43,6 +44,7 @@ __all__ = ["TURN", "holds"]
 TURN = 3  # beside the curves of `solver.mu.recomputed`: the winding
 ON_AXIS, IN_DISK = 0, 1
 LONGEST_TURN = 1.5  # rad of exp(-theta s) to either side of the middle; beyond, any phase stands
+SLIGHT = 1e-8  # of what shared inputs err by, or of w_P: a larger M is a stronger claim
 CLEAR_OF_CUT = 3.0  # rad: an argument nearer to pi than this leaves could be taken for its negative
 TRIFLE = 1e-6  # of M over what makes a column of F as large as the demand
 LEAST_DETERMINANT = 1e-2  # relative to the identity's; smaller ones have no sure argument
@@ -190,8 +192,16 @@ def _form(T, S, var, block, x, level2, kind):
         powers = T.powers[setting] + T.columns[row + i]
         lacking = T.wanted - powers if demanded else 0
         set_zero(models, spare)
-        if kind != NOMINAL:
-            scale = x[0] if T.full else x[setting]
+        errs = T.scales[row + i] >= 0
+        scale = 0.0
+        if errs:
+            scale = x[T.scales[row + i]]
+        elif kind == STABILITY:
+            for r in range(size):
+                if T.scales[row + r] >= 0:
+                    moved = T.factor[entry + r * size + i]
+                    scale += SLIGHT * x[T.scales[row + r]] * moved * moved
+        if kind != NOMINAL and scale > 0.0:
             set_zero(models, spare + 1)
             add_product(models, setting, setting, scale, spare + 1)
             finish(models, spare + 1)
@@ -202,6 +212,8 @@ def _form(T, S, var, block, x, level2, kind):
             copy_scaled(models, T.controllers, 1.0, spare + 2)
             _squares(models, spare + 2, -lacking, square, spare + 1)
             shift(models, spare, 1.0, spare + 2)
+            if lacking < 0 and not errs:
+                shift(models, spare, SLIGHT, T.controllers)
             if kind == NOMINAL and lacking < 0 and var[0] == 0 and var[5] >= var[4]:
                 largest = 0.0
                 for r in range(size):
@@ -246,11 +258,11 @@ def _form(T, S, var, block, x, level2, kind):
             for i in range(size):
                 weight = T.weights[row + i]
                 add_product(models, S.R + r * size + i, S.E + c * size + i, level2 * weight, out)
-                if kind != NOMINAL:
-                    scale = x[0] if T.full else x[T.settings[row + i]]
+                if kind != NOMINAL and T.scales[row + i] >= 0:
                     add_product(
-                        models, S.G + r * size + i, S.G + c * size + i, -weight / scale, out
-                    )
+                        models, S.G + r * size + i, S.G + c * size + i,
+                        -weight / x[T.scales[row + i]], out,
+                    )  # fmt: skip
             finish(models, out)
             models[2][out] += 8.0 * ROUNDING * norm(models, out)
     return True

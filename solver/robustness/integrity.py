@@ -258,7 +258,7 @@ def _proven(
             continue
         part, remaining = subsystem(plant, loops, units)
         axis = proven_peaks(
-            part, uncertainty.of_units(units), performance.of_units(units), remaining
+            part, plant.errors_of(uncertainty, units), performance.of_units(units), remaining
         )
         found.append((axis.peaks.robust_stability, axis.peaks.robust_performance, axis.guarantee))
     return found
@@ -284,7 +284,11 @@ def _sampled(
         (stability, robust, Guarantee(GuaranteeStatus.OPEN, robust.value, reason))
         for stability, robust in zip(
             *peaks(
-                sets, uncertainty.of_units(units), performance, analysis.omega[::2], errors=errors
+                sets,
+                sets.plant.errors_of(uncertainty, units),
+                performance,
+                analysis.omega[::2],
+                errors=errors,
             ),
             strict=True,
         )
@@ -327,7 +331,7 @@ def in_one_line(
             part, remaining = subsystem(plant, loops, units)
             robust, performing = kept(
                 part,
-                uncertainty.of_units(units),
+                plant.errors_of(uncertainty, units),
                 performance.of_units(units),
                 remaining,
                 1 + TOLERANCE,

@@ -145,7 +145,7 @@ def loop_margins(
 
     def transfers(omega: list[NDArray[np.float64]]) -> list[NDArray[np.complex128]]:
         alone = [
-            loops[unit].response(at) * plant.element(unit, unit).response(at)
+            loops[unit].response(at) * plant.entry(unit, unit).response(at)
             for unit, at in zip(sound, omega, strict=False)
         ]
         return alone + _together(plant, loops, closed, omega[len(sound) :])

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
@@ -27,6 +27,7 @@ from solver.model.deviations import (
     varied,
 )
 from solver.model.errors import MutuneError
+from solver.model.mixed_plant import MixedPlant
 from solver.model.plants import MatrixPlant, ParallelPlant
 from solver.model.transfer_function import TransferFunction
 from solver.mu.structure import sigma_max
@@ -241,6 +242,8 @@ class _SampledLoop:
         Points on the imaginary axis.
     terms : tuple
         Entries of each block, as `LoopBlocks.terms` returns them.
+    plant : Plant
+        What they are of.
     controllers : tuple of (k, m)
         Those of each block's inputs.
     demand : (k,)
@@ -250,6 +253,7 @@ class _SampledLoop:
 
     s: NDArray[np.complex128]
     terms: tuple[_Entries, ...]
+    plant: Plant
     controllers: tuple[NDArray[np.complex128], ...]
     demand: NDArray[np.float64]
 
@@ -267,6 +271,7 @@ class _SampledLoop:
         return cls(
             np.asarray(1j * omega, dtype=complex),
             tuple(blocks.terms(index) for index in range(len(blocks.blocks))),
+            plant,
             tuple(c[:, list(block.channels)] for block in blocks.blocks),
             np.abs(performance.weight.response(omega)),
         )
@@ -290,13 +295,20 @@ class _SampledLoop:
                         part.factor
                         * value(
                             part.element,
-                            changed=parameter is not None and parameter.concerns(r, k, term),
+                            changed=parameter is not None
+                            and parameter.concerns(*self._place(r, k, term)),
                         )
                         for term, part in enumerate(entry)
                     )
                     E[:, r, k] = (r == k) + c[:, k] * total
             returns.append(E)
         return _Point(tuple(returns), self.demand)
+
+    def _place(self, row: int, column: int, term: int) -> tuple[int, int, int]:
+        """Return of which entry, and which term of it, a term is."""
+        if isinstance(self.plant, MixedPlant):
+            return *self.plant.acting(row, column)[term], 0
+        return row, column, term
 
 
 def _tried(name: str, sign: int) -> list[float]:
@@ -397,6 +409,10 @@ def _between(lost: _IsLost, which: int, inside: float, outside: float) -> _End:
 
 def parameters(plant: Plant) -> Iterator[Parameter]:
     """Yield each parameter."""
+    if isinstance(plant, MixedPlant):
+        for own in parameters(plant.plant):
+            yield replace(own, changed=partial(_mixed, plant, own.changed))
+        return
     changes = (
         ("gain", change_gain),
         ("time_constant", change_time_constant),
@@ -419,6 +435,8 @@ def parameters(plant: Plant) -> Iterator[Parameter]:
 
 def tolerance_remark(plant: Plant) -> str | None:
     """Say which parameters of a matrix plant are not looked at element by element, if any."""
+    if isinstance(plant, MixedPlant):
+        return tolerance_remark(plant.plant)
     if plant.interchangeable or plant.n <= MAX_FULLY:
         return None
     names = ("gain", "time_constant", "dead_time")[int(plant.n <= MAX_BY_GAIN) :]
@@ -433,6 +451,10 @@ def tolerance_remark(plant: Plant) -> str | None:
         f"model tolerance: of {plant.n} loops the {' and '.join(have)} of all elements are changed "
         "together, in proportion; one element alone may be allowed less"
     )
+
+
+def _mixed(plant: MixedPlant, changed: Callable[[float], Plant], factor: float) -> MixedPlant:
+    return replace(plant, plant=changed(factor))
 
 
 def _mapped(plant: Plant, change: _Change, factor: float) -> Plant:

@@ -69,7 +69,7 @@ class ProvenDemand:
         if len(settings_of(plant, self.loops, ANY, self.performance.output_scale)) > MOST:
             return None
         try:
-            loop = ExactLoop.of(Claim(plant, ANY, self.performance, self.loops, 1.0))
+            loop = ExactLoop.of(Claim(plant, ANY, self.performance, self.loops, 1.0), known=True)
         except MutuneError:  # a plant beyond the proof
             return None
         T = tables(loop)

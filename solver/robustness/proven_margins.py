@@ -16,6 +16,7 @@ from scipy.optimize import brentq
 
 from solver.model.peaks import Peak, zoom
 from solver.model.plants import MatrixPlant
+from solver.model.transfer_function import TransferFunction
 from solver.robustness.axis import BRACKET
 from solver.robustness.bandwidth import HALF_POWER
 from solver.robustness.full_models import UnprovenError
@@ -77,10 +78,16 @@ def proven_margins(
     units = [row.units[0] for row in margins if row.alone is not None]
     alone = [row.alone for row in margins if row.alone is not None]
     if alone:
-        rows = [[plant.element(a, a) if a == b else NONE for b in units] for a in units]
-        search = _Search(alone)
-        reasons += search.prove(MatrixPlant(rows), [loops[unit] for unit in units], None)
-        alone = search.margins(alone)
+        entries = [plant.entry(unit, unit) for unit in units]
+        functions = [each for each in entries if isinstance(each, TransferFunction)]
+        if len(functions) < len(entries):
+            reasons.append("what a loop moves acts on its output by unlike dead times")
+        else:
+            size = range(len(functions))
+            rows = [[functions[a] if a == b else NONE for b in size] for a in size]
+            search = _Search(alone)
+            reasons += search.prove(MatrixPlant(rows), [loops[unit] for unit in units], None)
+            alone = search.margins(alone)
     together = [row.together for row in margins if row.together is not None]
     if plant.n == 1:
         together = alone

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solver.model.blocks import reduce, with_outputs
+from solver.model.blocks import reduce, with_inputs, with_outputs
 from solver.model.memory import batch_length
+from solver.model.mixed_plant import MixedPlant
 from solver.model.peaks import Peak, tops, zoom
 from solver.model.weights import Uncertainty
 from solver.mu.kernel import FINE
@@ -202,10 +203,17 @@ class _Family:
         """Return the loops of the `members` (k,), each at its own `omega` (k,)."""
         channels, counts = self.channels[members], self.counts[members]
         c = np.take_along_axis(self.subsets.controller_response(omega), channels, axis=1)
+        e = np.ones(channels.shape) if self.errors is None else self.errors[channels]
+        plant = self.subsets.plant
+        if isinstance(plant, MixedPlant) and plant.shared:
+            rows = np.arange(omega.size)[:, None]
+            P = (plant.to_outputs @ plant.plant.response(omega))[rows, channels]
+            M = np.moveaxis(plant.to_inputs[:, channels], 0, 1)
+            G = with_inputs(P / e[:, :, None], M * e[:, None, :])
+            w_I = self.blocks.responses(self.uncertainty, omega)
+            return _Loops(G, c, w_I, self.performance.weight.response(omega), split)
         means = self.subsets.plant_response(omega, channels, counts)
-        if self.errors is not None:  # E^-1 G E, see `solver.model.blocks`
-            e = self.errors[channels]
-            means *= e[:, None, :] / e[:, :, None]
+        means *= e[:, None, :] / e[:, :, None]  # E^-1 G E, see `solver.model.blocks`
         outputs = self.uncertainty.outputs
         own = [_each(self.uncertainty, omega, channels)]
         if outputs is not None:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from solver.certificate.enclosed_loop import ExactLoop
 from solver.certificate.enclosures import Ratio
+from solver.certificate.reduction import ExactBlock
 from solver.robustness.rounded_models import DEGREE, pool
 
 __all__ = ["Scratch", "Tables", "scratch", "tables"]
@@ -29,7 +30,8 @@ class Tables(NamedTuple):
     `job_out`, as its first part or one more: controllers, w_P, w_I of each of them or one for all,
     and the uses that the plant's entries make of a response. `powers` of s of each controller, and
     those `wanted` by w_P, are its poles at s = 0; rows take those of the plant, or `columns` do, as
-    many as each of the D-scales is `lifted`.
+    many as each of the D-scales is `lifted`. `scales`: D-scale of each row, -1 of one that does not
+    err.
     """
 
     num: NDArray[np.float64]
@@ -50,6 +52,7 @@ class Tables(NamedTuple):
     row0: NDArray[np.int64]
     entry0: NDArray[np.int64]
     settings: NDArray[np.int64]
+    scales: NDArray[np.int64]
     weights: NDArray[np.float64]
     row_integrators: NDArray[np.int64]
     columns: NDArray[np.int64]
@@ -61,7 +64,6 @@ class Tables(NamedTuple):
     combination: NDArray[np.float64]
     factor: NDArray[np.float64]
     use: NDArray[np.int64]
-    full: bool
 
 
 def tables(loop: ExactLoop, *, by_columns: bool = False) -> Tables:
@@ -132,12 +134,13 @@ def tables(loop: ExactLoop, *, by_columns: bool = False) -> Tables:
         row0=np.cumsum([0, *sizes]),
         entry0=np.cumsum([0, *(size * size for size in sizes)]),
         settings=np.concatenate([np.array(block.settings) for block in loop.blocks]),
+        scales=np.concatenate([_scales(loop, block) for block in loop.blocks]),
         weights=np.array([_double(w) for block in loop.blocks for w in block.weights]),
         row_integrators=np.array(
             [0 if by_columns else k for block in loop.blocks for k in block.integrators]
         ),
         columns=np.array([k if by_columns else 0 for own in columns for k in own]),
-        lifted=np.array(integrating) * by_columns,
+        lifted=np.array(integrating[loop.blocks[0].exact :]) * by_columns,
         powers=np.array([loop.powers(index) for index in range(len(loop.controllers))]),
         wanted=loop.performance.integrators,
         demanded=np.array([demanded for block in loop.blocks for demanded in block.demanded]),
@@ -145,7 +148,6 @@ def tables(loop: ExactLoop, *, by_columns: bool = False) -> Tables:
         combination=_entries([block.combination for block in loop.blocks]),
         factor=_entries([block.factors for block in loop.blocks]),
         use=np.array(use),
-        full=loop.full,
     )  # fmt: skip
 
 
@@ -160,6 +162,12 @@ def _integrating(loop: ExactLoop) -> list[int]:
             for setting, response in zip(block.settings, row, strict=True):
                 found[setting] = max(found[setting], response.integrators)
     return [max(found)] * len(found) if loop.full else found
+
+
+def _scales(loop: ExactLoop, block: ExactBlock) -> NDArray[np.int64]:
+    """Return the D-scale of each row of a block; -1: it does not err."""
+    own = np.array(block.settings) - block.exact
+    return np.where(own < 0, -1, 0 if loop.full else own)
 
 
 def _entries(matrices: Sequence[Sequence[Sequence[fmpq]]]) -> NDArray[np.float64]:

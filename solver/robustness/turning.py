@@ -60,7 +60,7 @@ def turning_points(
     """
     if len(settings_of(plant, loops, ANY[0], None)) > MOST_FOLLOWED:
         return np.empty(0)
-    T = tables(ExactLoop.of(Claim(plant, *ANY, tuple(loops), 1.0)))
+    T = tables(ExactLoop.of(Claim(plant, *ANY, tuple(loops), 1.0), known=True))
     S = scratch(T)
     no_scales, angles = np.zeros((2, T.controllers)), np.zeros(T.multiplicity.size)
     found, steps = [], MAX_STEPS

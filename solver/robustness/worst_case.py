@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solver.model.blocks import KNOWN, reduce
+from solver.model.blocks import KNOWN, acting, reduce
 from solver.model.transfer_function import MAX_ORDER, TransferFunction
 from solver.model.weights import Structure
 from solver.mu.lower_bound import MuLowerBound, lower_bound
@@ -147,7 +147,7 @@ def worst_case(
         bound_of_scales(attained.N[[worst]], attained.d[[worst]], attained.structure).mu[0]
     )
     Delta = attained.bound.Delta[worst] / mu
-    units, size = attained.units, len(attained.units)
+    units, inputs, size = attained.units, attained.inputs, len(attained.inputs)
     uncertain, outputs = attained.structure.size - attained.structure.performance, None
     if uncertainty.outputs is not None:
         outputs = _diagonal(units, np.diag(Delta)[size:uncertain], at, uncertainty.outputs)
@@ -156,9 +156,9 @@ def worst_case(
         mu=mu,
         upper_bound=upper,
         gap=max(1 - mu / upper, 0.0),
-        uncertainty=_rank_one(units, Delta[:size, :size], at)
+        uncertainty=_rank_one(inputs, Delta[:size, :size], at)
         if uncertainty.structure is Structure.FULL
-        else _diagonal(units, np.diag(Delta)[:size], at, uncertainty),
+        else _diagonal(inputs, np.diag(Delta)[:size], at, uncertainty),
         performance=_rank_one(units, Delta[uncertain:, uncertain:], at),
         outputs=outputs,
     )
@@ -181,10 +181,12 @@ def lower_bounds(
 class _Attained:
     """N (k, 2r, 2r) of the split loop, the units of its r channels, and its bounds.
 
-    Where outputs err N is (k, 3r, 3r).
+    Where outputs err N is (k, 3r, 3r). `units` are those that are demanded something of, `inputs`
+    those that err.
     """
 
     units: list[tuple[int, ...]]
+    inputs: list[tuple[int, ...]]
     N: NDArray[np.complex128]
     structure: BlockStructure
     d: NDArray[np.float64]
@@ -200,6 +202,8 @@ def _attained(  # noqa: PLR0917 - as its two callers have them
     scales: NDArray[np.float64],
 ) -> _Attained:
     full = uncertainty.structure is Structure.FULL
+    if blocks.inputs_shared:
+        return _of_shared(blocks, controllers, uncertainty, performance, omega, scales)
     halves = [(half, part) for part, units in enumerate(blocks.parts) for half in _split(units)]
     split = reduce(blocks.plant, [half for half, _ in halves], uncertainty, blocks.output_scale)
     channels = [halves[channel] for channel in split.blocks[0].channels if channel != KNOWN]
@@ -221,7 +225,37 @@ def _attained(  # noqa: PLR0917 - as its two callers have them
         owner = [*parts, *(part + len(blocks.parts) for part in parts)]
     structure = BlockStructure((0,) * size if full else tuple(range(uncertain)), size)
     d = scales[:, owner]
-    return _Attained([half for half, _ in channels], N, structure, d, lower_bound(N, structure, d))
+    units = [half for half, _ in channels]
+    return _Attained(units, units, N, structure, d, lower_bound(N, structure, d))
+
+
+def _of_shared(  # noqa: PLR0917 - as its caller has them
+    blocks: LoopBlocks,
+    controllers: Sequence[Controller],
+    uncertainty: Uncertainty,
+    performance: Performance,
+    omega: NDArray[np.float64],
+    scales: NDArray[np.float64],
+) -> _Attained:
+    """Return the same of loops that share inputs: the rows of what does not err are left out."""
+    block, loops = blocks.blocks[0], blocks.plant.n
+    c = np.stack([controller.response(omega) for controller in controllers], axis=-1)
+    inputs = range(block.size - loops)
+    weights = [_rational(uncertainty.weight_of(unit)).response(omega) for unit in inputs]
+    N = interconnection(
+        blocks.response(omega)[0],
+        acting(c, block.channels),
+        np.stack([*(np.zeros(omega.size) for _ in range(loops)), *weights], axis=1),
+        performance.weight.response(omega),
+        loops,
+    )[:, loops:, loops:]
+    full = uncertainty.structure is Structure.FULL
+    structure = BlockStructure((0,) * len(inputs) if full else tuple(inputs), loops)
+    d = scales[:, [0] if full else list(inputs)]
+    return _Attained(
+        [(unit,) for unit in range(loops)], [(unit,) for unit in inputs], N, structure, d,
+        lower_bound(N, structure, d),
+    )  # fmt: skip
 
 
 def all_pass(value: complex, omega: float) -> TransferFunction:
@@ -266,8 +300,8 @@ def interconnection(
 ) -> NDArray[np.complex128]:
     """Return N_RP (k, r + outputs, r + outputs), SLH eq. 31, with the sign of negative feedback.
 
-    G : (k, r, r); c : (k, r), the controllers; w_I : (k, r); w_P : (k,); all complex. The demand is
-    made on the first `outputs` outputs.
+    G : (k, r, r); c : (k, r), the controllers; w_I : (k, r), 0 where an input does not err; w_P :
+    (k,); all complex. The demand is made on the first `outputs` outputs.
     """
     size = G.shape[1]
     identity = np.eye(size)
@@ -279,6 +313,7 @@ def interconnection(
     SG = -S / c[:, None, :]
     on = np.arange(size)
     SG[:, on, on] = np.einsum("kij,kji->ki", S, G)
+    SG *= (w_I != 0)[:, None, :]  # what does not err brings no error in
     left = np.concatenate([SG, S[:, :, :outputs]], axis=2)
     found: NDArray[np.complex128] = np.concatenate(
         [-(w_I * c)[:, :, None] * left, w_P[:, None, None] * left[:, :outputs]], axis=1

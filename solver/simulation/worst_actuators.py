@@ -10,6 +10,7 @@ import numpy as np
 from solver.model.blocks import group_loops
 from solver.model.errors import InvalidInputError
 from solver.model.given import require_loops, require_weights
+from solver.model.mixed_plant import MixedPlant
 from solver.model.transfer_function import TransferFunction
 from solver.robustness.curves import LoopAnalysis
 from solver.robustness.worst_case import DiagonalPerturbation, RankOnePerturbation, worst_case
@@ -102,9 +103,13 @@ def with_worst_actuators(
             message = "the worst case needs all loops closed, with integral action"
             raise InvalidInputError(message, "/kind")
         loops.append(loop.controller)
-    if not is_stable(experiment.plant, loops):
+    plant = experiment.plant
+    if experiment.distribution is not None:
+        each, shares = np.eye(plant.n).tolist(), experiment.distribution.tolist()
+        plant = MixedPlant(plant, tuple(map(tuple, each)), tuple(map(tuple, shares)), shared=True)
+    if not is_stable(plant, loops):
         raise InvalidInputError(_UNSTABLE, "/kind")
-    actuators = worst_actuators(experiment.plant, loops, uncertainty, performance)
+    actuators = worst_actuators(plant, loops, uncertainty, performance)
     if actuators is None:
         message = "the worst perturbation has too high an order to be simulated"
         raise InvalidInputError(message, "/uncertainty")

@@ -103,7 +103,11 @@ def mode_gain(
 
 def feedthrough(plant: Plant, time: float) -> NDArray[np.float64]:
     """Return what a plant passes on after just that `time`, (n, n)."""
-    return np.array([[_at(element, time) for element in row] for row in plant.rows])
+    size = range(plant.n)
+    return np.array(
+        [[sum(f * _at(e, time) for f, e in plant.terms(r, c)) for c in size] for r in size],
+        dtype=float,
+    )
 
 
 def delayed_radius(D: dict[float, NDArray[np.float64]]) -> NDArray[np.float64]:

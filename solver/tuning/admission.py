@@ -43,11 +43,10 @@ def require_tunable(specification: Specification) -> None:
     _require_one_form(specification)
     if isinstance(specification.plant, MeasuredPlant):
         _require_data(specification)
+        specification.arranged(None)  # refuses combinations of their inputs
         return
     if isinstance(specification.pairing, str):
         require_ranked(specification.plant)
-        return
-    if specification.mixing is not None and specification.mixing.inputs is not None:
         return
     task = specification.arranged(None)
     _require_cases(task, groupings(task)[0])

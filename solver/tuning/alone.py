@@ -62,7 +62,7 @@ class LoopsAlone:
         omega = np.geomspace(low, high, math.ceil(PER_DECADE * math.log10(high / low)))
         own = [group[:1] if plant.interchangeable else group for group in groups]
         pairs = [(owner, unit) for owner, units in enumerate(own) for unit in units]
-        g = np.stack([plant.element(unit, unit).response(omega) for _, unit in pairs], axis=1)
+        g = np.stack([plant.entry(unit, unit).response(omega) for _, unit in pairs], axis=1)
         owners = np.array([owner for owner, _ in pairs])
         return cls(omega, g, owners, least_level(max_sensitivity))
 

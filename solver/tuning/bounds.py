@@ -64,7 +64,7 @@ class Region:
 
 def gain_signs(plant: Plant, groups: Groups) -> tuple[float, ...]:
     """Sign of each group's gain: that of its first unit's own steady-state gain, (groups,)."""
-    gains = [plant.element(group[0], group[0]).static_gain for group in groups]
+    gains = [plant.entry(group[0], group[0]).static_gain for group in groups]
     return tuple(-1.0 if gain < 0 else 1.0 for gain in gains)
 
 
@@ -142,7 +142,7 @@ def _permitted_crossover(
     too_uncertain = np.abs(weight.response(omega)) >= 1
     permitted = float(omega[too_uncertain][0]) if too_uncertain.any() else float(omega[-1]) / 10
     # What comes late from other units keeps no loop from being fast.
-    delay = max(plant.element(units[0], units[0]).dead_time for units in plant.kinds)
+    delay = max(plant.entry(units[0], units[0]).dead_time for units in plant.kinds)
     return min(permitted, 1 / delay) if delay > 0 else permitted
 
 
@@ -150,7 +150,7 @@ def _own_crossover(
     specification: Specification, unit: int, omega: NDArray[np.float64], permitted: float
 ) -> tuple[float, float]:
     """Return where a unit's own loop can cross over at most, and its process's gain there."""
-    process = specification.plant.element(unit, unit)
+    process = specification.plant.entry(unit, unit)
     response = process.response(omega)
     size = np.abs(response)
     if not (np.isfinite(size).all() and size.max() > 0):

@@ -160,7 +160,11 @@ def _at(element: TransferFunction, s: float) -> float:
 def _gains(plant: Plant) -> NDArray[np.float64]:
     """Return G(s), (n, n), at a real s > 0 far below all that the plant has."""
     s = SLOW * _slowest_root(plant)
-    return np.array([[_at(element, s) for element in row] for row in plant.rows])
+    size = range(plant.n)
+    return np.array(
+        [[sum(f * _at(e, s) for f, e in plant.terms(r, c)) for c in size] for r in size],
+        dtype=float,
+    )
 
 
 def _parallel(plant: ParallelPlant) -> Impossibility | None:

@@ -109,7 +109,7 @@ def _require_one_sign(specification: Specification, groups: Groups) -> None:
     if specification.signs is Signs.ANY or specification.plant.interchangeable:
         return
     for index, group in enumerate(groups):
-        gains = [specification.plant.element(unit, unit).static_gain for unit in group]
+        gains = [specification.plant.entry(unit, unit).static_gain for unit in group]
         for unit, gain in zip(group, gains, strict=True):
             if (gain < 0) is not (gains[0] < 0):
                 message = (

@@ -221,7 +221,7 @@ def cases_of(
                 raise error_found.within(where) from None
             case = Case(
                 part,
-                error if in_all else error.of_units(units),
+                error if in_all else own.errors_of(error, units),
                 performance if in_all else performance.of_units(units),
                 units,
                 tuple(owner[unit] for unit in units),

@@ -148,5 +148,5 @@ def integrity_value(
     demand = Performance(tau_p=1 / float(corners(plant, uncertainty)[0]))
     analysis = LoopAnalysis(*group_loops(plant, loops, uncertainty), uncertainty, demand)
     units = [group[0] for group in groups]
-    stability, _ = peaks(sets, uncertainty.of_units(units), demand, analysis.omega[::2])
+    stability, _ = peaks(sets, plant.errors_of(uncertainty, units), demand, analysis.omega[::2])
     return max(peak.value for peak in stability)

@@ -11,7 +11,7 @@ from solver.model.arranged import SCAN_DELAY, check_pairing, paired, sampled
 from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError
 from solver.model.given import require_fit
-from solver.model.mixing import Mixing, mixed_outputs
+from solver.model.mixing import Mixing, mixed
 from solver.model.plants import Plant
 from solver.model.transfer_function import LARGEST
 from solver.model.validation import (
@@ -334,23 +334,23 @@ class Specification:
         plant = _arranged(self.plant, self.scan_time, None, self.mixing)
         if pairing is not None:
             plant = paired(plant, pairing)
-        if plant is self.plant and self.pairing is None:
+        if plant is self.plant and self.pairing is None and self.mixing is None:
             return self
+        order = pairing if self.mixing is None else self.mixing.own_inputs
         scenarios = tuple(
             replace(
                 each,
                 plant=each.plant and _arranged(each.plant, self.scan_time, pairing, self.mixing),
-                uncertainty=each.uncertainty and each.uncertainty.paired(pairing),
+                uncertainty=each.uncertainty and each.uncertainty.paired(order),
             )
             for each in self.scenarios
         )
-        left = None if self.mixing is None else self.mixing.of_inputs
         spread = self.spread
         if spread is not None:  # what the controllers' scan delays is as it is
             spread = replace(spread, known_delay=SCAN_DELAY * self.scan_time)
         return replace(
-            self, plant=plant, uncertainty=self.uncertainty.paired(pairing), pairing=None,
-            scan_time=0.0, scenarios=scenarios, mixing=left, spread=spread,
+            self, plant=plant, uncertainty=self.uncertainty.paired(order), pairing=None,
+            scan_time=0.0, scenarios=scenarios, mixing=None, spread=spread,
         )  # fmt: skip
 
     @property
@@ -529,6 +529,9 @@ class Specification:
         if self.scenarios or self.spread is not None:
             message = "the optimality gap is proven for one plant, without scenarios or spread"
             raise InvalidInputError(message, where)
+        if self.mixing is not None and self.mixing.own_inputs is None:
+            message = "the optimality gap is proven for loops that have an input each only"
+            raise InvalidInputError(message, where)
         if self.uncertainty.unlike_inputs or self.uncertainty.outputs is not None:
             message = (
                 "the optimality gap is proven for inputs of one uncertainty, and outputs without "
@@ -565,5 +568,5 @@ def _arranged(
         where = "/controller"
         raise error.within(where) from None
     if mixing is not None:
-        plant = mixed_outputs(plant, mixing)
+        plant = mixed(plant, mixing)
     return plant if pairing is None else paired(plant, pairing)

@@ -9,7 +9,7 @@ in the end (`solver.tuning.spread_proof`), where it can be.
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -26,6 +26,7 @@ from solver.model.deviations import (
 )
 from solver.model.errors import InvalidInputError, UnsupportedPlantError
 from solver.model.measured import MeasuredPlant
+from solver.model.mixed_plant import MixedPlant
 from solver.model.validation import flag, real, settle
 
 if TYPE_CHECKING:
@@ -108,6 +109,8 @@ class Spread:
 
     def axes(self, plant: Plant) -> tuple[Parameter, ...]:
         """Return the parameters that spread and that the plant has, with their deviations."""
+        if isinstance(plant, MixedPlant):
+            return self.axes(plant.plant)
         if isinstance(plant, MeasuredPlant):
             return self._axes_of_data(plant)
         found: list[Parameter] = []
@@ -183,6 +186,8 @@ class Spread:
 
     def plant_at(self, plant: Plant, deviation: Deviation) -> Plant:
         """Return the plant whose parameters deviate by the shares -1..1 of their widths."""
+        if isinstance(plant, MixedPlant):
+            return replace(plant, plant=self.plant_at(plant.plant, deviation))
         for (name, width, unit), share in zip(self.axes(plant), deviation, strict=True):
             factor = 1 + width * share
             if factor == 1:

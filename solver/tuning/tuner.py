@@ -7,7 +7,6 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from solver.model.errors import UnsupportedPlantError
 from solver.model.measured import MeasuredPlant
 from solver.model.validation import instance
 from solver.robustness.scan import scan_remark
@@ -78,9 +77,6 @@ def tune(
     """
     instance(specification, Specification, "/specification")
     require_tunable(specification)
-    if specification.mixing is not None and specification.mixing.inputs is not None:
-        message = "loops that move combinations of inputs are tuned by solver.limits.mixed"
-        raise UnsupportedPlantError(message, "/mixing/inputs")
     if isinstance(specification.plant, MeasuredPlant):
         return _on_data(specification, progress)
     if specification.pairing is None:

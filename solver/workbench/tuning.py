@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any, Literal, overload
 
-from solver.limits.mixed import tune_task as tune_specification
 from solver.model.errors import InvalidInputError
 from solver.model.validation import reals
 from solver.model.weights import Performance
+from solver.tuning import tuner
 from solver.tuning.specification import Bounds, ControllerKind, Specification
 from solver.workbench.tuned import Tuned
 
@@ -120,7 +120,7 @@ def tune(
         specification = plant
     else:
         specification = _specification(plant, uncertainty, **options)
-    return Tuned(specification, tune_specification(specification, progress))
+    return Tuned(specification, tuner.tune(specification, progress))
 
 
 def _specification(

@@ -21,6 +21,7 @@ from service.tuned import RequestedTuning
 from service.valves import tuning_remarks
 from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError
+from solver.model.mixing import Mixing, mixed
 from solver.model.plants import MatrixPlant, first_order
 from solver.model.transfer_function import TransferFunction
 
@@ -136,3 +137,19 @@ def test_a_tuning_tells_and_draws_it(tmp_path: Any) -> None:
         names = [trace.name for trace in tuned_response("t", "d", case).data]
         assert any("valve at its limits" in str(name) for name in names)
     assert all(case.limited is None for case in drawn[1])
+
+
+def test_loops_that_share_inputs_are_told_what_these_do() -> None:
+    """The moves of the inputs themselves, at once and in the end; no unit of a combination."""
+    mixing = Mixing(outputs=((1.0, 1.0), (1.0, -1.0)), inputs=((1.0, 1.0), (1.0, -1.0)))
+    loops = [Controller(12.0, 33.0), Controller(40.0, 66.0)]
+    signals = [Instrument(input_span=s, output_unit="t/h") for s in (20.0, 1000.0)]
+    said = list(tuning_remarks(signals, mixed(MODEL, mixing), loops, mixing))
+    assert said[0].startswith("A set-point step of 1 on loop 1 asks at once for 12, 60 % of")
+    assert said[1].startswith("A set-point step of 1 on loop 2 asks at once for 40, 200 % of")
+    assert all("of the range of input 1" in each for each in said)
+    matrices = {"outputs": mixing.outputs, "inputs": mixing.inputs}
+    spans = [{"input_span": 20.0}, {"input_span": 1e6}]
+    assert (
+        "Input 1 of the plant moves by up to 46.3" in steps(instruments=spans, mixing=matrices)[0]
+    )

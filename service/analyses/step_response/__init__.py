@@ -40,7 +40,9 @@ def compute(request: StepResponseRequest) -> dict[str, Any]:
     limits = experiment.limits or (None,) * n
     limited = [limit is not None for limit in limits]
     signals = request.signals(n)
-    document["warnings"] = list(step_remarks(signals, limited, found))
+    document["warnings"] = list(
+        step_remarks(signals, limited, found, shared=experiment.distribution is not None)
+    )
     if document["warnings"] and experiment.limits is None and experiment.controller is None:
         document["limited"] = encode(task.within(limits_of(signals)).simulate())
     return document

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import ConfigDict, Field, JsonValue
 
+import solver.model.mixing
 import solver.model.plants
 import solver.model.weights
 import solver.simulation.directions
@@ -28,6 +29,7 @@ from service.schemas.loops_in_time import InputLimits, SimulatedLoop, Size, Time
 from service.schemas.perturbations import Perturbation, WorstCasePerturbation
 from service.schemas.plants import Plant
 from solver.model.errors import InvalidInputError
+from solver.model.mixing import summed_outputs
 from solver.model.plants import MAX_MATRIX_SIZE, MAX_UNITS
 from solver.model.state_space import StateSpace
 from solver.model.transfer_function import LARGEST
@@ -138,8 +140,6 @@ Row = Annotated[tuple[Coefficient, ...], Field(min_length=1, max_length=MAX_MATR
 class StepResponseRequest(ArrangedRequest):
     """Ask how a plant and its loops move after steps; everything rests at zero before."""
 
-    mixes_inputs = True
-
     plant: Plant = Field(description="The process; dead time is exact.", examples=[_PLANT])
     loops: Annotated[tuple[SimulatedLoop | None, ...], Field(max_length=MAX_UNITS)] = Field(
         default=(),
@@ -249,6 +249,12 @@ class StepResponseRequest(ArrangedRequest):
             controller=controller,
         )
         return StepResponseTask(experiment, demand)
+
+    def combined(
+        self, plant: solver.model.plants.Plant, mixing: solver.model.mixing.Mixing
+    ) -> solver.model.plants.Plant:
+        """Return the plant from its inputs to what the loops control."""
+        return summed_outputs(plant, mixing)
 
     def _full(self, n: int) -> StateSpace | None:
         if self.controller is None:

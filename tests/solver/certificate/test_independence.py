@@ -22,7 +22,7 @@ ours = {
     "solver", "solver.model", "solver.certificate",
     *(f"solver.model.{name}" for name in (
         "errors", "validation", "precision", "transfer_function", "plants", "controllers",
-        "weights", "given")),
+        "weights", "given", "mixed_plant")),
     *(f"solver.certificate.{name}" for name in (
         "reading", "record", "reduction", "taylor_models", "enclosures", "enclosed_loop", "proof",
         "verify")),
