@@ -482,6 +482,11 @@ class GroupingSearch:
         self._having(self.objective.parts)
         return float((low if lower else high)[index])
 
+    def within(self, low: NDArray[np.float64]) -> ExactDescent:
+        """Return the last descent, with other lower bounds of the parameters."""
+        phases = replace(self.phases, box=replace(self.box, low=low))
+        return replace(self.exact, phases=phases)
+
     def _having(self, parts: tuple[LoopObjective, ...]) -> None:
         self.objective = Together(parts)
         feasibility = self.objective.having(goal=self.phases.feasibility.goal)

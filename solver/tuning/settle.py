@@ -196,7 +196,12 @@ def _filtered(
         theta = candidate.theta.copy()
         theta[place :: len(names)] = np.maximum(theta[place :: len(names)], high)
         longer = search.exact.measure(theta, candidate.value)
-        if longer.value <= candidate.value + PROOF_COSTS and search.accepts(theta):
+        if longer.value > candidate.value + PROOF_COSTS:
+            # What limits the loop far above its bandwidth: the other settings make up for that.
+            low = search.box.low.copy()
+            low[place :: len(names)] = np.maximum(low[place :: len(names)], high)
+            longer = search.within(low).descend(theta) or longer
+        if longer.value <= candidate.value + PROOF_COSTS and search.accepts(longer.theta):
             there, worse = _judged(specification, search, longer)
             sound = worse is None and _above(search, longer, there) <= ABOVE
             return there if sound and _proven(there) else None
