@@ -89,6 +89,8 @@ def fitted_elements(
         fixed = len(found) in fit.limits.fixed
         estimates = _estimates(fit, element, drawn, [] if fixed else shapes, gains)
         untold, test = _untold(fit, element, estimates, (shapes, gains), name, fixed=fixed)
+        if not fixed and _is_longest(fit, element):
+            estimates = tuple(_without_range(one) for one in estimates)
         found.append(FittedElement(output, name, element, estimates, untold, test))
     return tuple(found)
 
@@ -137,6 +139,22 @@ def _estimates(
             _estimate("dead_time", value, error, max(value - q * error, 0.0), value + q * error)
         )
     return tuple(found)
+
+
+def _is_longest(fit: RowFit, element: Element) -> bool:
+    """Whether the lag is as long as the record can tell, so that it may be any longer one."""
+    kind = element.kind
+    if "log_lag" not in kind.shape_names or kind.integrating:
+        return False
+    bounds = math.log(fit.limits.shortest), math.log(fit.limits.longest)
+    return bool(element.shape[0] > bounds[1] - AT_BOUND * (bounds[1] - bounds[0]))
+
+
+def _without_range(one: Estimate) -> Estimate:
+    """Return an estimate without its interval, where that is of the longest lag and no other."""
+    if one.name == "dead_time":
+        return one
+    return Estimate(one.name, one.value, None, None, None)
 
 
 def _estimate(name: str, value: float, error: float, low: float, high: float) -> Estimate:
@@ -195,7 +213,7 @@ def _about_lag(fit: RowFit, element: Element, shapes: list[int], gains: list[int
     error = math.sqrt(float(matrix[shapes[0], shapes[0]]))
     bounds = math.log(fit.limits.shortest), math.log(fit.limits.longest)
     margin = AT_BOUND * (bounds[1] - bounds[0])
-    upper = element.shape[0] > bounds[1] - margin
+    upper = _is_longest(fit, element)
     if element.shape[0] < bounds[0] + margin:
         return ["the lag is shorter than the samples resolve"]
     if upper or not error < HARDLY_TOLD:
@@ -229,7 +247,10 @@ def _ratio_alone(
     )
     if error < HARDLY_TOLD:
         ratio = f"{gain / lag:.3g} (+- {100 * error:.0f} %)"
-        return f"{why}; what is told is gain / time constant = {ratio}"
+        # The error is that of the gain alone where the lag stands at its bound: a longer lag has
+        # a ratio of its own.
+        of = "with that one" if upper else "what is told is"
+        return f"{why}; {of} gain / time constant = {ratio}"
     return f"{why}, and so is the gain"
 
 

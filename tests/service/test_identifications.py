@@ -122,7 +122,7 @@ def test_files_become_a_tuning_request(tmp_path: Path) -> None:
     assert done.exit_code == 0
     words = " ".join(done.stdout.split())
     assert "kept back" in words
-    assert "what is told is gain / time constant" in words
+    assert "may be longer; with that one gain / time constant" in words
     assert parse(TuningRequest, target.read_text()).build().plant.n == 2
 
 

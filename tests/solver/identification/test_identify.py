@@ -311,3 +311,14 @@ def test_slow_disturbance_below_white_noise_widens_intervals():
     left = solved.left[:, 0]
     exact = gain.noise * np.sqrt(left @ omega @ left) / (left @ left)
     assert np.sqrt(gain.matrix[-1, -1]) == pytest.approx(exact)
+
+
+def test_no_interval_is_stated_for_a_gain_whose_lag_may_be_any_longer_one():
+    """A lag of four records: neither it nor the gain is told, nor that their ratio is."""
+    one = record([[Lag(2.0, 2400.0, 0.0, 5.0)]], np.random.default_rng(3), noise=0.005)
+    element = identify([one], allowed=Allowed(1, integrating=False)).elements[0]
+    told = {each.name: each for each in element.estimates}
+    assert told["gain"].low is None
+    assert told["time_constant"].high is None
+    assert told["dead_time"].low is not None
+    assert "may be longer; with that one gain / time constant" in element.untold[0]
