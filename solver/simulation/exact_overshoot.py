@@ -26,7 +26,7 @@ def exact_overshoot(process: TransferFunction, loop: Controller, longest: float)
     Parameters
     ----------
     process : TransferFunction
-        Stable under the loop.
+        Stable under the loop or not.
     loop : Controller
         Its controller, of the error.
     longest : float
@@ -35,8 +35,8 @@ def exact_overshoot(process: TransferFunction, loop: Controller, longest: float)
     Returns
     -------
     float or None
-        0 where y does not exceed it. None where the process has dead time, or where modes are so
-        nearly equal that their sum loses its digits.
+        0 where y does not exceed it. None where the process has dead time, where modes are so
+        nearly equal that their sum loses its digits, or where it exceeds all numbers.
 
     """
     if process.dead_time:
@@ -59,7 +59,8 @@ def exact_overshoot(process: TransferFunction, loop: Controller, longest: float)
         return None
 
     def response(time: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.asarray(rest + (np.exp(time[:, None] * poles) @ shares).real)
+        with np.errstate(all="ignore"):  # of an unstable loop
+            return np.asarray(rest + (np.exp(time[:, None] * poles) @ shares).real)
 
     time = np.unique(
         np.concatenate(
@@ -72,4 +73,5 @@ def exact_overshoot(process: TransferFunction, loop: Controller, longest: float)
         low, high = time[max(top - 1, 0)], time[min(top + 1, time.size - 1)]
         time = np.linspace(low, high, SECTIONS + 1)
         y = response(time)
-    return max(0.0, float(y.max()) - 1)
+    highest = float(y.max())
+    return max(0.0, highest - 1) if np.isfinite(highest) else None

@@ -23,7 +23,6 @@ from solver.tuning.specification import Objective
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from solver.model.controllers import Controller
     from solver.model.plants import Plant
     from solver.tuning.beside import AsFound, SettingsTolerance
     from solver.tuning.record import Comparison, Tuning
@@ -160,9 +159,14 @@ def _alone(specification: Specification, tuning: Tuning) -> Iterator[str]:
     overshooting: dict[str, list[int]] = {}
     for group in tuning.groups:
         part, loops = subsystem(plant, tuning.loops, group[:1])
-        if not is_stable(part, loops):
-            continue  # the line on integrity says so
-        overshoot = _overshoot(part, loops[0], ALONE_SHOWN * tau_p)
+        shown = ALONE_SHOWN * tau_p
+        closed = Loop.of(loops[0]).without_traces(shown)
+        overshoot = exact_overshoot(part.element(0, 0), closed.controller, shown)
+        calm = overshoot is not None and not overshoot > OVERSHOOTS
+        if calm or not is_stable(part, loops):
+            continue  # of unstable ones the line on integrity tells
+        if overshoot is None:
+            overshoot = _simulated_overshoot(part, closed, shown)
         if not overshoot > OVERSHOOTS:
             continue
         percent = f"{100 * overshoot:.0f} %"
@@ -184,18 +188,14 @@ def _alone(specification: Specification, tuning: Tuning) -> Iterator[str]:
         yield f"Alone in service {which} {verb} a set-point step by {percent}."
 
 
-def _overshoot(part: Plant, loop: Controller, shown: float) -> float:
+def _simulated_overshoot(part: Plant, loop: Loop, shown: float) -> float:
     """Return by how much a loop exceeds a set-point step; 0 where it is small or not known."""
-    step = Step(StepKind.SETPOINT, 0, 0.0, 1.0)
-    closed = (Loop.of(loop).without_traces(shown),)
-    exact = exact_overshoot(part.element(0, 0), closed[0].controller, shown)
-    if exact is not None:
-        return exact
-    about = estimated_overshoot(part, loop, shown)
+    about = estimated_overshoot(part, loop.controller, shown)
     if about is not None and about < CALM:
         return 0.0
+    step = Step(StepKind.SETPOINT, 0, 0.0, 1.0)
     try:
-        response = step_response(Experiment(part, closed, (step,), shown))
+        response = step_response(Experiment(part, (loop,), (step,), shown))
     except InvalidInputError:  # no simulation holds the plant
         return 0.0
     change = response.responses[0].metrics.set_point

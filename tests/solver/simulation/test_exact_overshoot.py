@@ -46,3 +46,12 @@ def test_it_is_that_of_the_simulation(process, loop, longest):
 def test_where_poles_do_not_tell_it_there_is_none(process, loop):
     """Dead time, a loop without poles that is singular, and three poles in one place: no number."""
     assert exact_overshoot(process, loop, 50) is None
+
+
+def test_a_loop_that_runs_away_exceeds_all_bounds_or_numbers():
+    """An unstable loop: a large overshoot soon, and no number in the end."""
+    lags, strong = TransferFunction((1,), (1, 3, 3, 1)), Controller(20, 5)
+    early = exact_overshoot(lags, strong, 20)
+    assert early is not None
+    assert early > 100
+    assert exact_overshoot(lags, strong, 1e5) is None
