@@ -84,6 +84,17 @@ def guarantee_text(guarantee: Guarantee | None) -> str:
     return f"Not proven over all frequencies: {guarantee.reason}."
 
 
+def demand_rows(result: TuningResult) -> list[tuple[str, ...]]:
+    """Return name, limit and value of each demand, and whether it binds."""
+    return [
+        (
+            each.name.replace("_", " "), number(each.limit), number(each.value),
+            ("binds" if each.active else "met") if each.met else "not met",
+        )
+        for each in result.demands
+    ]  # fmt: skip
+
+
 def spread_lines(result: TuningResult) -> list[str]:
     """Return the worst plant of a spread, and what is proven of all; nothing without one."""
     if result.spread is None:

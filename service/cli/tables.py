@@ -20,7 +20,7 @@ from service.schemas import TuningResult
 from service.schemas.settings_nearby import SettingsTolerance
 from service.schemas.tunings import Comparison, SearchSummary
 from service.settings_wording import range_rows, resolution_text, together_text, tolerance_text
-from service.wording import NO_LESS, number, optimality_text, spread_lines
+from service.wording import NO_LESS, demand_rows, number, optimality_text, spread_lines
 from solver.model.loop_names import units_text
 
 __all__ = ["side_by_side", "tuning_table"]
@@ -46,14 +46,7 @@ def tuning_table(result: TuningResult, *, interrupted: bool = False) -> list[Par
         parts.append(Line(_bought(result, result.comparison)))
     parts += _scenarios(result)
     if result.demands:
-        rows = [
-            (
-                each.name.replace("_", " "), number(each.limit), number(each.value),
-                ("binds" if each.active else "met") if each.met else "not met",
-            )
-            for each in result.demands
-        ]  # fmt: skip
-        parts.append(Grid(("demand", "limit", "value", ""), rows))
+        parts.append(Grid(("demand", "limit", "value", ""), demand_rows(result)))
     if result.as_found is not None and result.loops:
         parts.append(_beside_today(result))
     typed = resolution_text(result)

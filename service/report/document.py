@@ -32,6 +32,7 @@ from service.sheet.naming import loops_name, with_unit
 from service.tuned import RequestedTuning
 from service.wording import (
     OBJECTIVES,
+    demand_rows,
     forms,
     guarantee_text,
     headline,
@@ -117,6 +118,8 @@ def report_html(tuned: RequestedTuning, made_at: datetime, job: str | None = Non
         optimality=optimality_text(result.optimality),
         model_tolerance=[line.text for line in tolerance_lines(result.model_tolerance)],
         certificate_link=_data_url(json.dumps(result.certificate)),
+        demands=demand_rows(result),
+        asked=_asked(tuned),
         scenarios=_scenarios(tuned),
         spread=spread_lines(result),
         margins=_margins(tuned.plant, tuned.loops, names),
@@ -211,11 +214,28 @@ def _alike(loops: Sequence[Controller]) -> list[tuple[Controller, list[int]]]:
     return list(found.items())
 
 
+def _asked(tuned: RequestedTuning) -> list[tuple[str, str]]:
+    """Return what else is asked of the loops, in words: demands, scan time, pairing."""
+    found = [
+        (name.replace("_", " "), number(limit) if isinstance(limit, float) else str(limit))
+        for name, limit in tuned.request.demands
+        if limit not in {None, "none"}
+    ]
+    found = [(name, limit.replace("_", " ")) for name, limit in found]
+    if tuned.request.controller.scan_time:
+        scan = f"{number(tuned.request.controller.scan_time)} {tuned.unit}"
+        found.append(("scan time", f"{scan}, 3/2 of it as dead time in every element of the plant"))
+    if tuned.result.pairing is not None:
+        inputs = ", ".join(str(unit + 1) for unit in tuned.result.pairing)
+        found.append(("input of outputs 1, 2, …", inputs))
+    return found
+
+
 def _scenarios(tuned: RequestedTuning) -> list[tuple[str, ...]]:
     return [
         (
             each.name,
-            ", ".join(str(unit + 1) for unit in each.in_service),
+            loops_name(tuned, each.in_service),
             str(each.sets),
             number(each.tau_p),
             number(each.peaks.robust_performance.value),

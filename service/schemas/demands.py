@@ -22,7 +22,8 @@ class Demands(RequestModel):
     ) = Field(
         default=None,
         description="Greatest permitted amplification of noise by a controller: |k| for PI and "
-        "PIF, 10 |k| for PID, |k| max(1, tau_D/tau_F) for PIDF.",
+        "PIF, 10 |k| for PID, |k| max(1, tau_D/tau_F) for PIDF. In per cent of span per per cent "
+        "of span where the instruments give both spans of every loop.",
         examples=[200.0],
     )
     max_load_error: (
@@ -50,13 +51,14 @@ class Demands(RequestModel):
         examples=["none"],
     )
 
-    def build(self) -> solver.tuning.demands.Demands:
-        """Return the solver's demands."""
+    def build(self, gain_ratios: tuple[float, ...] | None) -> solver.tuning.demands.Demands:
+        """Return the solver's demands; `gain_ratios`: output span over input span of each loop."""
         return solver.tuning.demands.Demands(
             self.max_controller_gain,
             self.max_load_error,
             self.max_sensitivity_alone,
             IntegrityDemand(self.integrity),
+            None if self.max_controller_gain is None else gain_ratios,
         )
 
 

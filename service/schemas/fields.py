@@ -123,6 +123,22 @@ class RecordedRequest(RequestModel):
         spans = tuple(each.output_span for each in self.signals(n) if each.output_span is not None)
         return spans if len(spans) == n and len(set(spans)) > 1 else None
 
+    def gain_ratios(self, n: int) -> tuple[float, ...] | None:
+        """Return output span over input span of each of n loops, where all are told.
+
+        Raises
+        ------
+        InvalidInputError
+            Neither one instrument for all loops nor one for each.
+
+        """
+        ratios = tuple(
+            each.output_span / each.input_span
+            for each in self.signals(n)
+            if each.output_span is not None and each.input_span is not None
+        )
+        return ratios if len(ratios) == n else None
+
     def signals(self, n: int) -> tuple[Instrument, ...]:
         """Return the signals of each of n loops, unknown ones where none are given.
 

@@ -230,7 +230,7 @@ class TuningRequest(RecordedRequest):
         with below("/controller/bounds"):
             bounds = self.controller.bounds.build()
         with below("/demands"):
-            demands = self.demands.build()
+            demands = self.demands.build(None if mixing is not None else self.gain_ratios(plant.n))
         scenarios = []
         for index, scenario in enumerate(self.scenarios):
             with below(f"/scenarios/{index}"):

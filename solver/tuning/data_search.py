@@ -286,7 +286,7 @@ class DataSearch:
                     inner = outer
                 for end, value in zip(ends, (*outer, *inner), strict=True):
                     end.append(math.log(value))
-        rows, limits = planes(task.demands, task.kind, len(self.groups))
+        rows, limits = planes(task.demands, task.kind, self.groups)
         inside = 1e-12  # so that exponentials do not pass the bounds by rounding
         low, high, *starts = map(np.array, ends)
         box = Box(low + inside, high - inside)

@@ -51,7 +51,9 @@ def outcomes(
     `uncertainties`: that of each plant, for the demand on integrity.
     """
     values = {
-        "max_controller_gain": lambda: max(_noise_gain(loop) for loop in loops),
+        "max_controller_gain": lambda: max(
+            _noise_gain(loop) * demands.gain_ratio((unit,)) for unit, loop in enumerate(loops)
+        ),
         "max_load_error": lambda: max(_load_error(loop) for loop in loops),
         "max_sensitivity_alone": lambda: max(_sensitivity_alone(plant, loops) for plant in plants),
     }
@@ -75,9 +77,12 @@ def outcomes(
 
 
 def planes(
-    demands: Demands, kind: ControllerKind, controllers: int
+    demands: Demands, kind: ControllerKind, groups: Sequence[Sequence[int]]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return rows and limits, (r, m) and (r,): `rows @ theta <= limits` for the log settings."""
+    """Return rows and limits, (r, m) and (r,): `rows @ theta <= limits` for the log settings.
+
+    `groups`: the units of each controller.
+    """
     names = kind.parameters
     own: list[tuple[dict[str, float], float]] = []
     if demands.max_controller_gain is not None:
@@ -92,8 +97,11 @@ def planes(
     if demands.max_load_error is not None:
         own.append(({"integral_time": 1.0, "gain": -1.0}, math.log(demands.max_load_error)))
     one = np.array([[weights.get(name, 0.0) for name in names] for weights, _ in own])
-    rows = np.kron(np.eye(controllers), one.reshape(-1, len(names)))
-    return rows, np.tile([limit - BELOW for _, limit in own], controllers).astype(float)
+    rows = np.kron(np.eye(len(groups)), one.reshape(-1, len(names)))
+    noise = np.array([0.0 if weights.get("gain") == -1.0 else 1.0 for weights, _ in own])
+    limits = np.array([limit - BELOW for _, limit in own])
+    ratios = [math.log(demands.gain_ratio(group)) for group in groups]
+    return rows, np.concatenate([limits - noise * ratio for ratio in ratios])
 
 
 def _noise_gain(loop: Controller) -> float:

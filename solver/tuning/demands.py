@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import TYPE_CHECKING
 
 from solver.model.errors import InvalidInputError
 from solver.model.transfer_function import LARGEST
-from solver.model.validation import choice, real, settle
+from solver.model.validation import choice, real, reals, settle
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 __all__ = ["NO_DEMANDS", "DemandOutcome", "Demands", "IntegrityDemand"]
 
@@ -38,6 +42,9 @@ class Demands:
         Greatest permitted peak of the sensitivity of each loop alone, > 1.
     integrity : IntegrityDemand or str
         What holds for every set of loops in service.
+    gain_ratios : tuple of float or None
+        Span of the output over that of the input, of each loop, > 0: `max_controller_gain` is then
+        in per cent of the one per per cent of the other. None: as the gains are given.
 
     """
 
@@ -45,9 +52,17 @@ class Demands:
     max_load_error: float | None = None
     max_sensitivity_alone: float | None = None
     integrity: IntegrityDemand = IntegrityDemand.NONE
+    gain_ratios: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
         settle(self, integrity=choice(IntegrityDemand, self.integrity, "/integrity"))
+        if self.gain_ratios is not None:
+            ratios = reals(self.gain_ratios, "/gain_ratios")
+            for index, ratio in enumerate(ratios):
+                if not 0 < ratio <= LARGEST:
+                    message = f"must be greater than 0 and at most {LARGEST:g}"
+                    raise InvalidInputError(message, f"/gain_ratios/{index}")
+            settle(self, gain_ratios=ratios)
         for name in self.names:
             if name == "integrity":
                 continue
@@ -66,6 +81,10 @@ class Demands:
         if self.integrity is not IntegrityDemand.NONE:
             asked.append("integrity")
         return tuple(asked)
+
+    def gain_ratio(self, units: Sequence[int]) -> float:
+        """Return the greatest ratio that gains of these units are multiplied by."""
+        return 1.0 if self.gain_ratios is None else max(self.gain_ratios[unit] for unit in units)
 
     @property
     def each_alone(self) -> bool:

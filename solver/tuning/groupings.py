@@ -80,7 +80,7 @@ def groupings(specification: Specification) -> tuple[Groups, ...]:
 
 
 def by_errors(specification: Specification) -> Groups:
-    """Units of a parallel plant in groups whose inputs and outputs have equal errors.
+    """Units of a parallel plant in groups of equal errors and equal limits of their gains.
 
     On a matrix plant every unit is its own.
     """
@@ -89,8 +89,9 @@ def by_errors(specification: Specification) -> Groups:
         return plant.kinds
     mark = marks(specification.uncertainty, scales)
     groups: dict[Hashable, list[int]] = {}
+    demands = specification.demands
     for unit in range(plant.n):
-        groups.setdefault(mark(unit), []).append(unit)
+        groups.setdefault((mark(unit), demands.gain_ratio((unit,))), []).append(unit)
     return tuple(tuple(units) for units in groups.values())
 
 

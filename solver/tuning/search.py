@@ -140,7 +140,7 @@ class GroupingSearch:
         self.region = search_region(specification, groups)
         self.box = self.region.box
         demands = specification.demands
-        rows, limits = planes(demands, freedom.kind, len(groups))
+        rows, limits = planes(demands, freedom.kind, groups)
         if rows.size:
             self.box = replace(self.box, rows=rows, limits=limits)
         performance = specification.performance

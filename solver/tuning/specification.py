@@ -268,8 +268,12 @@ class Specification:
 
     @property
     def interchangeable(self) -> bool:
-        """Whether units may change places: those of a parallel plant whose errors are alike."""
-        unlike = self.performance.unlike_outputs or self.uncertainty.unlike_units
+        """Whether units may change places: those of a parallel plant of which the same is asked."""
+        unlike = (
+            self.performance.unlike_outputs
+            or self.uncertainty.unlike_units
+            or len(set(self.demands.gain_ratios or ())) > 1
+        )
         scenarios_alike = all(
             scenario.in_service is None
             and (scenario.plant is None or scenario.plant.interchangeable)
@@ -501,7 +505,12 @@ class Specification:
     def _check_demands(self) -> None:
         gain, times = self.bounds.gain, self.bounds.integral_time
         most = self.demands.max_controller_gain
-        lead = 10 if self.kind is ControllerKind.PID else 1
+        ratios = self.demands.gain_ratios
+        if ratios is not None and len(ratios) != self.plant.n:
+            message = f"{len(ratios)} ratios of spans, the plant has {self.plant.n} loops"
+            raise InvalidInputError(message, "/demands/gain_ratios")
+        lead = 10.0 if self.kind is ControllerKind.PID else 1.0
+        lead *= self.demands.gain_ratio(range(self.plant.n))
         if most is not None and gain is not None and lead * gain[0] > most:
             message = f"the bounds ask for gains that amplify at least {lead * gain[0]:g}"
             raise InvalidInputError(message, "/demands/max_controller_gain")

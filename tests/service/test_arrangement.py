@@ -147,6 +147,21 @@ def test_like_or_unknown_spans_change_nothing(instruments: Any) -> None:
     assert task.performance.output_scale is None
 
 
+def test_spans_are_the_units_of_the_greatest_gain() -> None:
+    """Where both are told of every loop, and only where they are asked for."""
+    both = [{"output_span": 50, "input_span": 10}, {"output_span": 5, "input_span": 10}]
+    asked = {**TUNING, "demands": {"max_controller_gain": 30.0}}
+
+    def ratios(**more: Any) -> object:
+        return parse(TuningRequest, json.dumps({**asked, **more})).build().demands.gain_ratios
+
+    assert ratios(instruments=both) == (5.0, 0.5)
+    assert ratios(instruments=both[:1]) == (5.0, 5.0)
+    assert ratios(instruments=[both[0], {"output_span": 5}]) is None
+    assert ratios(instruments=both, demands={"max_load_error": 3.0}) is None
+    assert ratios(instruments=both, mixing={"outputs": [[1.0, 1.0], [-1.0, 1.0]]}) is None
+
+
 @pytest.mark.parametrize("model", [RobustnessRequest, TuningRequest])
 def test_spans_are_not_those_of_combinations(model: Any) -> None:
     """Where loops control combinations of outputs, the spans of the outputs permit no errors."""

@@ -190,7 +190,7 @@ def test_matrix_plants_and_missing_forms_are_shown() -> None:
 
 
 def test_values_to_type_are_in_per_cent_where_the_spans_are_known() -> None:
-    """Gains in per cent of span stand first, with tags; errors of their own are told by input."""
+    """Gains in per cent of span stand first, and are limited so; what else is asked is told."""
     spans = {"output_span": 50.0, "input_span": 10.0}
     request = parse_tuning_request(
         json.dumps(
@@ -200,6 +200,9 @@ def test_values_to_type_are_in_per_cent_where_the_spans_are_known() -> None:
                           "interaction": 0.949},
                 "uncertainty": {"epsilon": [0.2, 0.1], "theta": 1},
                 "instruments": [{"tag": tag, **spans} for tag in ("TIC-1", "TIC-2")],
+                "demands": {"max_controller_gain": 200},
+                "search": {"starts": 2}, "certificate": "none", "model_tolerance": False,
+                "scenarios": [{"name": "one out", "in_service": [0]}],
             }
         )
     )  # fmt: skip
@@ -211,6 +214,10 @@ def test_values_to_type_are_in_per_cent_where_the_spans_are_known() -> None:
     assert row in page.words
     assert "TIC-2, integral time" in page.words
     assert "of input 2:" in page.words
+    assert max(loop.gain for loop in tuned.loops) == pytest.approx(200 / 5, rel=1e-6)
+    assert "max controller gain 200 200 binds" in page.words
+    assert "max controller gain 200 objective" in page.words
+    assert "one out TIC-1 1" in page.words
 
 
 def test_the_certificate_is_in_the_file(tuned: RequestedTuning) -> None:

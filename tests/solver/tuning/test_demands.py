@@ -92,7 +92,7 @@ def test_gain_is_that_of_the_controller_beyond_integral_action(kind: ControllerK
     """The planes of the search say of log settings what the check says of the controller."""
     rng = np.random.default_rng(1)
     limit = 3.0
-    rows, limits = planes(Demands(max_controller_gain=limit, max_load_error=2.0), kind, 1)
+    rows, limits = planes(Demands(max_controller_gain=limit, max_load_error=2.0), kind, [(0,)])
     for theta in rng.normal(scale=1.5, size=(200, len(kind.parameters))):
         settings = dict(zip(kind.parameters, np.exp(theta).tolist(), strict=True))
         loop = Controller(**settings)
@@ -100,6 +100,24 @@ def test_gain_is_that_of_the_controller_beyond_integral_action(kind: ControllerK
         assert (gain.met and load.met) == bool((rows @ theta <= limits).all())
         far = abs(complex(loop(1e9j)))
         assert far <= gain.value * (1 + 1e-6)
+
+
+def test_gains_are_limited_in_per_cent_of_the_spans() -> None:
+    """The loop whose output spans more has the smaller gain; a group that of its widest loop."""
+    demands = Demands(max_controller_gain=30.0, max_load_error=2.0, gain_ratios=(2.0, 0.5))
+    loops = (Controller(10.0, 15.0), Controller(50.0, 80.0))
+    gain, load = outcomes(demands, [first_order(2, 1, 1, 0)], loops)
+    assert (gain.value, load.value) == (25.0, 1.6)
+    rows, limits = planes(demands, ControllerKind.PI, [(0,), (1,)])
+    assert np.exp(limits) == pytest.approx([15.0, 2.0, 60.0, 2.0])
+    assert planes(demands, ControllerKind.PI, [(0, 1)])[1] == pytest.approx(limits[:2])
+    assert rows.shape == (4, 4)
+    found = tuned(replace(demands, max_load_error=None), starts=2)
+    assert found.demands[0].active
+    assert 2.0 * found.loops[0].gain <= 30.0
+    for ratios in ((1.0,), (1.0, 0.0), (1.0, 2.0, 3.0)):
+        with pytest.raises(InvalidInputError, match=r"ratio|greater than 0"):
+            tuned(Demands(max_controller_gain=30.0, gain_ratios=ratios))
 
 
 def test_load_error_is_the_integrated_error_after_a_load_step() -> None:
