@@ -14,7 +14,6 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import linalg
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -40,7 +39,8 @@ def unstable_speeds(gain: NDArray[np.float64]) -> NDArray[np.float64] | None:
         Static gain with a positive diagonal.
 
     """
-    from scipy.optimize import minimize  # noqa: PLC0415 - a tuning need not wait for it
+    from scipy import linalg  # noqa: PLC0415 - what reads requests needs neither
+    from scipy.optimize import minimize  # noqa: PLC0415
 
     n = len(gain)
     # Units of the outputs move D alone, those of the inputs nothing.
@@ -68,6 +68,8 @@ def unstable_speeds(gain: NDArray[np.float64]) -> NDArray[np.float64] | None:
 
 
 def _is_unstable(v: NDArray[np.float64], G: NDArray[np.float64]) -> bool:
+    from scipy import linalg  # noqa: PLC0415
+
     scaled, _ = linalg.matrix_balance(v[:, None] * G, permute=False)
     values = np.linalg.eigvals(scaled)
     sound = np.abs(values) > np.finfo(float).eps * len(v) * np.linalg.norm(scaled, 2) / CLEAR

@@ -158,8 +158,8 @@ def test_mu_is_that_of_errors_of_the_inputs_themselves(seed: int) -> None:
 def test_combined_outputs_are_tuned_and_proven_as_any_plant() -> None:
     """The same settings as on the combined plant written out, with its proof."""
     mixing = Mixing(outputs=SUM)
-    found = tune(task(mixing=mixing, certificate=True))
-    by_hand = tune(task(summed_outputs(SEED, mixing)))
+    found = tune(task(mixing=mixing, certificate=True, starts=1))
+    by_hand = tune(task(summed_outputs(SEED, mixing), starts=1))
     assert found.tau_p == pytest.approx(by_hand.tau_p, rel=1e-9)
     assert found.guarantee is not None
     assert found.guarantee.status == "proven"
@@ -194,6 +194,7 @@ def modes() -> Tuning:
     return tune(
         task(
             mixing=BOTH, certificate=True, model_tolerance=True,
+            start=(Controller(11.8, 33.0), Controller(40.6, 66.0)),
             as_found=(Controller(9.0, 30.0), Controller(30.0, 60.0)),
         )
     )  # fmt: skip
@@ -201,7 +202,7 @@ def modes() -> Tuning:
 
 def test_sum_and_difference_reach_what_mode_control_reaches(modes: Tuning) -> None:
     """In the coordinates of the outputs, where sigma_max is the same: tau_P = 13.757, proven."""
-    assert modes.status is Status.OPTIMAL
+    assert modes.status is Status.LOCAL
     assert modes.tau_p == pytest.approx(13.757, abs=1e-3)
     assert modes.guarantee is not None
     assert modes.guarantee.status == "proven"
@@ -268,10 +269,9 @@ def test_a_spread_of_combined_outputs_is_proven_on_the_plant_itself() -> None:
 
 def test_scenarios_and_a_resolution_serve_loops_that_share_inputs() -> None:
     """Each plant with the same combinations, one loop in manual; settings of two digits."""
-    start = (Controller(11.72, 37.27), Controller(40.8, 79.88))
     found = tune(
         task(
-            mixing=BOTH, start=start, resolution=Resolution(digits=2),
+            mixing=BOTH, arrangement="identical", resolution=Resolution(digits=2),
             scenarios=(
                 Scenario("weak", plant=first_order(2, 0.8, 120.0, 0.93)),
                 Scenario("total alone", in_service=(0,)),
@@ -282,9 +282,11 @@ def test_scenarios_and_a_resolution_serve_loops_that_share_inputs() -> None:
     assert all(each.guarantee.status == "proven" for each in found.scenarios)
     for loop in found.loops:
         assert loop.gain == float(f"{loop.gain:.1e}")
-    # tau_P is 15.090 for settings with all their digits.
-    assert found.tau_p is not None
-    assert 15.09 < found.tau_p < 15.6
+    assert found.resolution is not None
+    exact, typed = found.resolution.tau_p_exact, found.resolution.tau_p_rounded
+    assert exact is not None
+    assert typed is not None
+    assert exact <= typed < 1.1 * exact
 
 
 @pytest.mark.parametrize("unit", [1e-6, 1e6])
