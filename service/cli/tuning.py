@@ -117,7 +117,7 @@ def _tune(request: TuningRequest, stopping: Stopping) -> dict[str, object]:
 
         compiling = Compiling(lambda: console.print(_COMPILING))
         tuning = tuner.tune(request.build(), on_progress)
-        del compiling
         bar.update(task, description="Other controllers")
         document = finished(request, tuning, lambda: stopping.wanted)
+        del compiling
         return document | request.identity()
