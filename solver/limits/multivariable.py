@@ -15,6 +15,7 @@ from solver.model.errors import InvalidInputError
 from solver.model.given import require_alike, require_fit
 from solver.model.mode_controller import ModeController
 from solver.model.open_loop import require_supported
+from solver.model.peaks import Peak
 from solver.model.plants import Plant
 from solver.model.validation import instance
 from solver.robustness.centralised import analyse_centralised, centralised_poles
@@ -36,6 +37,7 @@ MAX_LIMIT_SIZE = 6  # of a matrix plant: the convex program grows with its fourt
 BUILT_MU = (1.01, 1.05)  # of the least mu of its basis: what a reduction of the order may cost
 ROOM = 1e-6  # relative addition to tau_P for peaks between the points of the dense grid
 ATTEMPTS = 4
+FEW_STATES = 16  # to begin with: twice as many until they are enough, then bisected
 
 
 def multivariable_limit(
@@ -143,12 +145,17 @@ def _built(
     omega = checking_grid(found.omega)
     for _ in range(ATTEMPTS):
         chosen = _reduced(search, found, parts, most or 1.0, omega)
-        realised = None if chosen is None else _analysed(search, found, chosen)
-        if realised is None or realised.robustness.peaks is None:
+        outcome = None if chosen is None else _analysed(search, found, chosen)
+        if outcome is None:
             return None
-        peak = realised.robustness.peaks.robust_performance
-        if most is None or peak.value <= most * (1 + BETWEEN):
-            return realised
+        if isinstance(outcome, Peak):
+            peak = outcome
+        else:
+            assert outcome.robustness.peaks is not None  # noqa: S101 - it is stable
+            peak = outcome.robustness.peaks.robust_performance
+            if most is None or peak.value <= most * (1 + BETWEEN):
+                return outcome
+        # A controller of few states may have a peak where that of all states has none.
         omega = np.union1d(omega, [peak.omega])
     return None
 
@@ -177,8 +184,11 @@ def _reduced(
             return controllers
         return None
 
-    few, many = -1, len(thresholds) - 1
+    few, many = -1, min(FEW_STATES, len(thresholds)) - 1
     best = kept(many)
+    while best is None and many < len(thresholds) - 1 and not search.enough():
+        few, many = many, min(2 * many + 1, len(thresholds) - 1)
+        best = kept(many)
     while best is not None and many - few > 1 and not search.enough():
         middle = (few + many) // 2
         trial = kept(middle)
@@ -191,8 +201,11 @@ def _reduced(
 
 def _analysed(
     search: LimitSearch, found: Found, controllers: tuple[StateSpace, ...]
-) -> Realised | None:
-    """Return the controller and the tau_P it reaches; None if its own peak says otherwise."""
+) -> Realised | Peak | None:
+    """Return the controller and the tau_P it reaches.
+
+    A peak above 1 that no larger tau_P lowers is returned in its place. None: nothing is reached.
+    """
     controller: StateSpace | ModeController = controllers[0]
     if search.plant.interchangeable:
         controller = ModeController(controllers[0], controllers[-1])
@@ -208,17 +221,22 @@ def _analysed(
             return float(here.robust_performance(dense).max())
 
         tau_p = least_tau_p(peak, tau_p)
+    if not math.isfinite(tau_p):
+        return None
+    before = math.inf
     for _ in range(ATTEMPTS):
-        if not math.isfinite(tau_p):
-            return None
         robustness = analyse_centralised(
             search.plant, search.uncertainty, search.performance.with_tau_p(tau_p), controller
         )
         if robustness.peaks is None:
             return None
-        excess = robustness.peaks.robust_performance.value
-        if not search.sought or excess <= 1:
+        peak = robustness.peaks.robust_performance
+        excess = peak.value - 1
+        if not search.sought or excess <= 0:
             states = sum(each.states for each in controllers)
             return Realised(controller, states, tau_p, robustness)
-        tau_p *= 1 + ROOM + 4 * (excess - 1)  # |w_P| falls no faster than 1/tau_P
-    return None
+        if excess > before / 2:
+            break
+        before = excess
+        tau_p *= 1 + ROOM + 4 * excess  # |w_P| falls no faster than 1/tau_P
+    return peak
