@@ -10,7 +10,13 @@ import numpy as np
 from solver.limits.lower_bound import lower_bound, unlimited
 from solver.limits.realisation import reducible
 from solver.limits.record import Limit, LimitStatus, Realised
-from solver.limits.search import BETWEEN, LimitSearch, checking_grid, least_tau_p
+from solver.limits.search import (
+    BETWEEN,
+    SLOWEST_TRIED,
+    LimitSearch,
+    checking_grid,
+    least_tau_p,
+)
 from solver.model.errors import InvalidInputError
 from solver.model.given import require_alike, require_fit
 from solver.model.mode_controller import ModeController
@@ -106,10 +112,15 @@ def multivariable_limit(
             "the controller built is unstable by itself (poles in the right half plane: "
             f"{realised.unstable_poles}): it runs away in manual, or where a valve is at its limit"
         )
+    value = found.tau_p if search.sought else found.mu
+    if realised is not None and realised.robustness.peaks is not None:
+        # Its basis is another one, and both are local searches.
+        peak = realised.robustness.peaks.robust_performance.value
+        value = min(value, realised.tau_p if search.sought else peak)
     return Limit(
         LimitStatus.TIME_LIMIT if search.ended else LimitStatus.FOUND,
         objective,
-        found.tau_p if search.sought else found.mu,
+        value,
         bound,
         realised,
         warnings=tuple(warnings),
@@ -204,7 +215,7 @@ def _analysed(
 ) -> Realised | Peak | None:
     """Return the controller and the tau_P it reaches.
 
-    A peak above 1 that no larger tau_P lowers is returned in its place. None: nothing is reached.
+    A peak above 1 that no larger tau_P lowers is returned in its place. None: it is unstable.
     """
     controller: StateSpace | ModeController = controllers[0]
     if search.plant.interchangeable:
@@ -215,14 +226,15 @@ def _analysed(
             search.blocks, controllers, search.uncertainty, search.performance.with_tau_p(tau_p)
         ).omega
 
-        def peak(tau_p: float) -> float:
+        def curve(tau_p: float) -> NDArray[np.float64]:
             performance = search.performance.with_tau_p(tau_p)
             here = CentralisedAnalysis(search.blocks, controllers, search.uncertainty, performance)
-            return float(here.robust_performance(dense).max())
+            return here.robust_performance(dense)
 
-        tau_p = least_tau_p(peak, tau_p)
-    if not math.isfinite(tau_p):
-        return None
+        tau_p = least_tau_p(lambda each: float(curve(each).max()), tau_p)
+        if not math.isfinite(tau_p):
+            values = curve(SLOWEST_TRIED / search.bandwidth)
+            return Peak(float(values.max()), float(dense[values.argmax()]))
     before = math.inf
     for _ in range(ATTEMPTS):
         robustness = analyse_centralised(

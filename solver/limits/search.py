@@ -30,7 +30,15 @@ if TYPE_CHECKING:
     from solver.model.plants import Plant
     from solver.model.weights import Performance, Uncertainty
 
-__all__ = ["BETWEEN", "Found", "LimitSearch", "bandwidth_of", "checking_grid", "least_tau_p"]
+__all__ = [
+    "BETWEEN",
+    "SLOWEST_TRIED",
+    "Found",
+    "LimitSearch",
+    "bandwidth_of",
+    "checking_grid",
+    "least_tau_p",
+]
 
 SETTLED = 2e-4  # relative gain of a step below which the next ones gain less
 REFINED = 5e-3  # relative gain of a richer basis below which the value has settled
