@@ -43,7 +43,8 @@ MAX_LIMIT_SIZE = 6  # of a matrix plant: the convex program grows with its fourt
 BUILT_MU = (1.01, 1.05)  # of the least mu of its basis: what a reduction of the order may cost
 ROOM = 1e-6  # relative addition to tau_P for peaks between the points of the dense grid
 ATTEMPTS = 4
-FEW_STATES = 16  # to begin with: twice as many until they are enough, then bisected
+FEW_STATES = 4  # to begin with,
+GROWTH = 1.4  # and so many times more until they are enough; then bisected
 
 
 def multivariable_limit(
@@ -195,10 +196,10 @@ def _reduced(
             return controllers
         return None
 
-    few, many = -1, min(FEW_STATES, len(thresholds)) - 1
-    best = kept(many)
-    while best is None and many < len(thresholds) - 1 and not search.enough():
-        few, many = many, min(2 * many + 1, len(thresholds) - 1)
+    few, many, last = -1, FEW_STATES - 1, len(thresholds) - 1
+    best = kept(min(many, last))
+    while best is None and many < last and not search.enough():
+        few, many = many, min(math.ceil(GROWTH * many), last)
         best = kept(many)
     while best is not None and many - few > 1 and not search.enough():
         middle = (few + many) // 2

@@ -45,8 +45,9 @@ REFINED = 5e-3  # relative gain of a richer basis below which the value has sett
 BETWEEN = 5e-4  # relative excess of mu between the grid's points that is let pass
 TARGET = 1 - 2 * BETWEEN  # of mu on the grid where tau_P is sought, so that 1 holds between
 # What is built keeps this much of mu in hand for the reduction of its order, and ends earlier.
-MARGINS = (0.985, 0.95, 0.88)
-BUILT_HIGH = 10.0  # fastest pole of its basis over the bandwidth
+MARGINS = (0.993, 0.98, 0.95, 0.88)
+BUILT_HIGH = 30.0  # fastest pole of its basis over the bandwidth
+BUILT_DELAYED = 14.0  # the same over the inverse of the longest dead time: what Pade quotients hold
 BUILT_END = 3.0  # where its functions begin to fall, over its fastest pole
 BUILT_DENSITY = 3.0  # of its poles, as `POLES_PER_DECADE`
 MAX_STEPS = 60
@@ -242,6 +243,8 @@ class LimitSearch:
 
     def _built_basis(self, density: float) -> Basis:
         high = min(self.range[1], BUILT_HIGH * self.bandwidth)
+        if self.plant.longest_dead_time > 0:
+            high = min(high, BUILT_DELAYED / self.plant.longest_dead_time)
         return self._basis(density, high, BUILT_END * high)
 
     def _basis(self, density: float, high: float, end: float) -> Basis:
