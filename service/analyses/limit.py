@@ -68,8 +68,8 @@ class StateSpace(ResultModel):
 class Multivariable(ResultModel):
     """A controller that can be built, u = C e, with integral action."""
 
-    tau_p: float = Field(description="Time constant that it reaches.", examples=[4.83])
-    states: int = Field(description="States, each mode counted once.", examples=[37])
+    tau_p: float = Field(description="Time constant that it reaches.", examples=[4.46])
+    states: int = Field(description="States, each mode counted once.", examples=[40])
     matrix: StateSpace | None = Field(
         description="The controller of a matrix plant; null for a parallel one.", examples=[None]
     )
