@@ -180,7 +180,11 @@ def compare_controllers(
         )
     }
     whole = replace(specification, plant=plant)
-    entries += [_between(whole, structured[f], f) for f in STRUCTURES if f in structured]
+    entries += [
+        _between(whole, structured[each], each, until(BETWEEN_SHARE))
+        for each in STRUCTURES
+        if each in structured
+    ]
     limit = multivariable_limit(plant, uncertainty, performance, tick=until(1.0))
     if limit.realised is not None:
         built = limit.realised
@@ -188,7 +192,11 @@ def compare_controllers(
         sought = performance.tau_p is None
         value = built.tau_p if sought else None if peaks is None else peaks.robust_performance.value
         manual = controller_in_manual(
-            plant, uncertainty, performance.with_tau_p(built.tau_p), built.controller
+            plant,
+            uncertainty,
+            performance.with_tau_p(built.tau_p),
+            built.controller,
+            until(1.0),
         )
         entries.append(
             Entry(Family.MULTIVARIABLE, value, guarantee=built.robustness.guarantee, manual=manual)
@@ -227,9 +235,7 @@ def _no_worse(limit: Limit, entries: list[Entry]) -> Limit:
 
     The search for the limit is a local one.
     """
-    if limit.status is LimitStatus.UNLIMITED or (
-        limit.value is None and limit.status is LimitStatus.TIME_LIMIT
-    ):
+    if limit.status is LimitStatus.UNLIMITED:
         return limit  # nothing is claimed
     values = {each.family: each.value for each in entries if each.value is not None}
     best = min(values, key=lambda family: values[family], default=None)
@@ -309,12 +315,17 @@ def _value(tuning: Tuning) -> float | None:
     return tuning.peaks.robust_performance.value
 
 
-def _between(specification: Specification, found: StructuredController, family: Family) -> Entry:
+def _between(
+    specification: Specification,
+    found: StructuredController,
+    family: Family,
+    tick: Callable[[], None],
+) -> Entry:
     performance = specification.performance.with_tau_p(found.tau_p)
     manual = None
     if found.controller is not None:
         manual = controller_in_manual(
-            specification.plant, specification.uncertainty, performance, found.controller
+            specification.plant, specification.uncertainty, performance, found.controller, tick
         )
     guarantee = found.robustness.guarantee
     return Entry(family, found.value, structure=found, guarantee=guarantee, manual=manual)

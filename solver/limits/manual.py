@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from solver.limits.ending import EnoughError
 from solver.model.blocks import group_loops
 from solver.model.mode_controller import ModeController
 from solver.model.plants import MAX_MATRIX_SIZE
@@ -21,7 +22,7 @@ from solver.robustness.curves import LoopAnalysis
 from solver.stability.closed_loop import unstable_poles
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from solver.model.controllers import Controller
     from solver.model.plants import Plant
@@ -75,8 +76,12 @@ def controller_in_manual(
     uncertainty: Uncertainty,
     performance: Performance,
     controller: StateSpace | ModeController,
+    tick: Callable[[], None] = lambda: None,
 ) -> OneInManual | None:
-    """Return the worst unit of a full controller; None for one unit, or too many of them."""
+    """Return the worst unit of a full controller; None for one unit, or too many of them.
+
+    `tick` is called before each unit; where it raises `EnoughError`, the worst is not known: None.
+    """
     n = plant.n
     if n < 2 or (isinstance(controller, StateSpace) and n > MAX_MATRIX_SIZE + 1):
         return None
@@ -84,6 +89,10 @@ def controller_in_manual(
     units = range(1) if isinstance(controller, ModeController) else range(n)
     for unit in units:
         others = [each for each in range(n) if each != unit]
+        try:
+            tick()
+        except EnoughError:
+            return None
         result = analyse_centralised(
             plant.part(others),
             uncertainty,

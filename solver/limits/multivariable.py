@@ -223,19 +223,10 @@ def _analysed(
         controller = ModeController(controllers[0], controllers[-1])
     tau_p = found.tau_p
     if search.sought:
-        dense = CentralisedAnalysis(
-            search.blocks, controllers, search.uncertainty, search.performance.with_tau_p(tau_p)
-        ).omega
-
-        def curve(tau_p: float) -> NDArray[np.float64]:
-            performance = search.performance.with_tau_p(tau_p)
-            here = CentralisedAnalysis(search.blocks, controllers, search.uncertainty, performance)
-            return here.robust_performance(dense)
-
-        tau_p = least_tau_p(lambda each: float(curve(each).max()), tau_p)
-        if not math.isfinite(tau_p):
-            values = curve(SLOWEST_TRIED / search.bandwidth)
-            return Peak(float(values.max()), float(dense[values.argmax()]))
+        least = _least_tau_p(search, controllers, tau_p)
+        if isinstance(least, Peak):
+            return least
+        tau_p = least
     before, proof = math.inf, not search.sought
     for _ in range(2 * ATTEMPTS):
         performance = search.performance.with_tau_p(tau_p)
@@ -257,3 +248,32 @@ def _analysed(
         before = excess
         tau_p *= 1 + ROOM + 4 * excess  # |w_P| falls no faster than 1/tau_P
     return peak
+
+
+def _least_tau_p(
+    search: LimitSearch, controllers: tuple[StateSpace, ...], start: float
+) -> float | Peak:
+    """Least tau_P that the controllers reach on a dense grid; a peak that none lowers to 1."""
+
+    def curve(tau_p: float, omega: NDArray[np.float64]) -> NDArray[np.float64]:
+        performance = search.performance.with_tau_p(tau_p)
+        here = CentralisedAnalysis(search.blocks, controllers, search.uncertainty, performance)
+        return here.robust_performance(omega)
+
+    performance = search.performance.with_tau_p(start)
+    dense = CentralisedAnalysis(search.blocks, controllers, search.uncertainty, performance).omega
+    left = dense
+
+    def peak(tau_p: float) -> float:
+        nonlocal left
+        values = curve(tau_p, left)
+        if (values > 1).any():
+            # mu falls with tau_P at every frequency: what is met here is met from here on.
+            left = left[values > 1]
+        return float(values.max())
+
+    tau_p = least_tau_p(peak, start)
+    if math.isfinite(tau_p):
+        return tau_p
+    values = curve(SLOWEST_TRIED / search.bandwidth, dense)
+    return Peak(float(values.max()), float(dense[values.argmax()]))

@@ -456,9 +456,17 @@ class _State:
     def least_tau_p(self, X: list[NDArray[np.float64]], start: float, level: float) -> float:
         """Least tau_P at which the coefficients keep mu at `level` or below on the grid."""
         rows = [(block, *self._columns(block, x)) for block, x in zip(self.affine, X, strict=True)]
-        return least_tau_p(
-            lambda tau_p: float(self._curve(rows, tau_p)[0].max()), start, level, digits=BISECTED
-        )
+        among = np.arange(self.omega.size)
+
+        def peak(tau_p: float) -> float:
+            nonlocal among
+            mu = self._curve(rows, tau_p, among)[0]
+            if (mu > level).any():
+                # mu falls with tau_P at every frequency: what is met here is met from here on.
+                among = among[mu > level]
+            return float(mu.max())
+
+        return least_tau_p(peak, start, level, digits=BISECTED)
 
     def _columns(
         self, block: AffineBlock, x: NDArray[np.float64]
@@ -470,11 +478,14 @@ class _State:
         self,
         rows: list[tuple[AffineBlock, NDArray[np.complex128], NDArray[np.complex128]]],
         tau_p: float,
+        among: NDArray[np.intp] | None = None,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        w_I, w_P = self.w_I[:, None, None], self.w_P(tau_p)[:, None, None]
-        matrices = [
-            np.block([[w_I * Q @ b.G, w_I * Q], [w_P * S @ b.G, w_P * S]]) for b, Q, S in rows
-        ]
+        at = slice(None) if among is None else among
+        w_I, w_P = self.w_I[at, None, None], self.w_P(tau_p)[at, None, None]
+        matrices = []
+        for block, Q_everywhere, S_everywhere in rows:
+            G, Q, S = block.G[at], Q_everywhere[at], S_everywhere[at]
+            matrices.append(np.block([[w_I * Q @ G, w_I * Q], [w_P * S @ G, w_P * S]]))
         mu, x = best_scales(self.search.blocks, matrices)
         return mu, 1 / x
 

@@ -23,7 +23,7 @@ ENTRIES = [Entry(Family.UNLIKE_PI, 5.0), Entry(Family.MODE_CONTROL, 3.0), Entry(
         (LimitStatus.FOUND, 2.0, 2.0, LimitStatus.FOUND),
         (LimitStatus.INFEASIBLE, None, 3.0, LimitStatus.FOUND),
         (LimitStatus.TIME_LIMIT, 4.0, 3.0, LimitStatus.TIME_LIMIT),
-        (LimitStatus.TIME_LIMIT, None, None, LimitStatus.TIME_LIMIT),
+        (LimitStatus.TIME_LIMIT, None, 3.0, LimitStatus.TIME_LIMIT),
         (LimitStatus.UNLIMITED, None, None, LimitStatus.UNLIMITED),
     ],
 )
