@@ -66,6 +66,7 @@ ROUGH = 1e-5  # tolerance in s of a start's descent
 ROUGH_NU = 1e-4  # and its barrier parameter
 POLISHED = 3  # optima whose exact values are found
 HOP = 1.0  # in log time
+NEARLY_SINGULAR = 1e-5  # gain of the weakest direction over the strongest one's
 UNSEEN = 5e-3  # of s between the grid's points, from which optima of the grid may be none
 REFINEMENTS = 3
 SWAPPED = 2  # optima whose times are swapped
@@ -272,6 +273,16 @@ class GroupingSearch:
         if longest * self.region.crossover < TURNING:
             return np.empty(0)
         return np.geomspace(1 / longest, 10 * self.region.crossover, PHASES_BELOW)
+
+    @property
+    def nearly_singular(self) -> bool:
+        """Whether the plant has a direction far weaker than its strongest one, at low frequency."""
+        for part in self.objective.parts:
+            gains = part.blocks.known(np.array([1j * part.omega[0]]))
+            singular = np.concatenate([np.linalg.svd(G[0], compute_uv=False) for G in gains])
+            if singular.min() < NEARLY_SINGULAR * singular.max():
+                return True
+        return False
 
     @property
     def _longest(self) -> float:

@@ -43,6 +43,10 @@ MOST_PLACES = 50  # of them that join the grid in one round
 WORSE = 1e-6  # of s: a plant of the spread that is worse by more joins the cases
 FOOLED = 1e-3  # relative excess of the proven peak over what the search saw
 BACK = np.geomspace(1e-7, 0.3, 28)  # shares by which gains are lowered: the edge may be as near
+LOOKS = 25  # at a peak, for each parameter and one more, of a descent beside the edge of stability
+DESCENTS = 2  # of those, the second from where the first one ended
+BESIDE = 0.03  # of the log parameters: their first steps
+ENOUGH = 1e-4  # relative change of the peak, and of the parameters, at which they end
 RAISED = 30  # times that tau_P of the same settings is raised to what a new peak demands
 PROOF_COSTS = 3e-4  # of s, at most, that a longer filter may cost
 FILTER_STEP = math.sqrt(10)  # by which a filter is made longer until a proof is found,
@@ -109,8 +113,13 @@ def settled(
     if clock is not None:
         found, candidate = _searched_on(specification, search, extended(search, candidate), clock)
         if found is not None:
-            return found
+            moved = _beside_the_edge(specification, search, found.candidate, clock)
+            if moved is found.candidate:
+                return found
+            candidate = moved
     candidate = _stepped_back(specification, search, candidate)
+    if clock is not None:
+        candidate = _beside_the_edge(specification, search, candidate, clock)
     for _ in range(RAISED):
         here, worse = _judged(specification, search, candidate)
         if worse is None and _above(search, candidate, here) <= ABOVE:
@@ -175,6 +184,47 @@ def _stepped_back(
         elif candidate.theta is not start:
             break  # further from the edge than serves
     return candidate
+
+
+def _beside_the_edge(
+    specification: Specification, search: GroupingSearch, candidate: Candidate, clock: Clock
+) -> Candidate:
+    """Return the candidate, for the objective mu of a nearly singular plant moved to a lower peak.
+
+    There the least mu lies in a valley whose one side is the edge of stability, with a peak too
+    narrow for a search to follow: where its descents end depends on where they began. The proven
+    peak itself is made less, without derivatives (Nelder and Mead 1965).
+    """
+    if specification.objective is not Objective.MU or not search.nearly_singular:
+        return candidate
+    from scipy.optimize import minimize  # noqa: PLC0415 - most tunings need not wait for it
+
+    def highest(theta: NDArray[np.float64]) -> float:
+        clock.tick()
+        theta = search.box.clip(theta)
+        if not search.accepts(theta):
+            return math.inf
+        return _looked_at(specification, search, replace(candidate, theta=theta)).highest
+
+    theta = search.box.clip(candidate.theta)
+    value = highest(theta)
+    steps = BESIDE * np.diag((-1.0) ** (1 + np.arange(theta.size)))
+    for _ in range(DESCENTS):
+        found = minimize(
+            highest, theta, method="Nelder-Mead",
+            options={
+                "maxfev": LOOKS * (theta.size + 1), "fatol": ENOUGH * value, "xatol": ENOUGH,
+                "initial_simplex": theta + np.vstack([np.zeros(theta.size), steps]),
+            },
+        )  # fmt: skip
+        before = value
+        if found.fun < value:
+            theta, value = search.box.clip(found.x), float(found.fun)
+        if not value < (1 - FOOLED / 2) * before:
+            break
+    if not value < (1 - ENOUGH) * math.exp(candidate.value / 2):
+        return candidate
+    return replace(candidate, theta=theta, value=2 * math.log(value))
 
 
 def _filtered(

@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+import pytest
 
 from solver.model.plants import MatrixPlant, first_order
 from solver.model.transfer_function import TransferFunction
@@ -63,3 +64,23 @@ def test_a_filter_that_goes_to_zero_beside_one_that_matters_ends_where_it_is_pro
     assert found is not None
     assert found.axes[0].guarantee.status is GuaranteeStatus.PROVEN
     assert found.candidate.value < candidate.value + 3e-4
+
+
+def test_a_search_that_ends_in_a_valley_beside_the_edge_goes_on(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Nearly singular: 9,844 from one seed and 9,420 from another; the proven peak is made less."""
+    monkeypatch.setattr("solver.tuning.settle.LOOKS", 8)
+    monkeypatch.setattr("solver.tuning.settle.DESCENTS", 1)
+    task = Specification(
+        first_order(2, 1, 100, 1 - 1e-7, 1),
+        Uncertainty.from_error(0.2, 1),
+        Performance(tau_p=19),
+        objective=Objective.MU,
+    )
+    search = GroupingSearch(task, Freedom.usual(task, ((0,), (1,))), lambda: None)
+    ended = Candidate(np.log([49.121633, 2.029, 33.305934, 1.101]), 2 * math.log(9844.2), (), 0.0)
+    clock = Clock(None, None, lambda s: s)
+    found = settled(task, search, ended, clock)
+    assert found is not None
+    assert found.peaks.robust_performance.value < 9700
