@@ -22,7 +22,8 @@ export function evidence(job, name) {
     if (!found) return put(inside, result.as_found && today(job), asked(job, name));
     const figures = h("div", { class: "figures" }, waiting(4));
     put(inside, h("div", { class: "cards" }, result.peaks && peaks(result.peaks), settings(job),
-      result.settings_tolerance && ranges(job), result.as_found && today(job),
+      result.demands.length > 0 && demands(job), result.settings_tolerance && ranges(job),
+      result.as_found && today(job),
       result.certificate && certificate(job, name), asked(job, name)), figures);
     showFigures(figures, figuresOf(id), name);
   });
@@ -49,6 +50,13 @@ function ranges({ request: { instruments }, result: { settings_tolerance: near, 
       `As typed in τₚ is ${number(price.tau_p_rounded)}; with any digits ${number(price.tau_p_exact)}.`),
     table("Ranges of the settings", ["", "from", "now", "to"], rows),
     help(`Each alone, before μ exceeds ${number(near.mu)} at τₚ = ${timed(near.tau_p)}.`));
+}
+
+/** What else is demanded of the settings. @param {any} job */
+function demands({ result: { demands: asked } }) {
+  const rows = asked.map(({ name, limit, value, met, active }) =>
+    [label(name), number(limit), number(value), met ? (active ? "binds" : "met") : "not met"]);
+  return card("Demands", table("Value of the worst loop", ["", "limit", "value", ""], rows));
 }
 
 /** Today's settings beside these. @param {any} job */
