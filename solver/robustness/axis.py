@@ -165,7 +165,9 @@ def proven_peaks(
         for kind, found in zip((ROBUST, STABILITY, NOMINAL), analysis.maxima(curves), strict=True)
     ]  # fmt: skip
     for search, (values, d) in zip(searches, sampled, strict=True):
-        search.take(omega, values, d[:, : search.analysis.blocks.n_scales])
+        # Those of nominal performance are all one.
+        ones = np.ones((omega.size, search.analysis.blocks.n_scales))
+        search.take(omega, values, ones if search.curve == NOMINAL else d)
         search.close()
     unstable = None if known_compiled is None else _count(*known_compiled.loop, known)
     if isinstance(plant, NeighbourPlant) and _stable_without_neighbours(plant, known, loops):

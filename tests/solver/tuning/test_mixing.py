@@ -309,6 +309,19 @@ def test_units_of_shared_inputs_change_nothing(unit: float, modes: Tuning) -> No
     assert plain.proven == (True, True, True)
 
 
+def test_shared_inputs_may_err_together() -> None:
+    """A full block, one scale for all inputs: at least as bad as errors one by one, and proven."""
+    loops = (Controller(11.8, 33.0), Controller(40.6, 66.0))
+    demand = Performance(tau_p=20.0)
+    together, apart = (
+        proven_peaks(mixed(SEED, BOTH), Uncertainty.from_error(0.2, 1.0, structure), demand, loops)
+        for structure in ("full", "diagonal")
+    )
+    assert together.guarantee.status == "proven"
+    worse, better = (each.peaks.robust_performance.value for each in (together, apart))
+    assert worse >= better * (1 - 1e-9)
+
+
 def test_a_worst_case_is_one_of_the_valves(modes: Tuning) -> None:
     """Its errors, one an input, take sigma_max(w_P S) to the peak of mu."""
     seen = mixed(SEED, BOTH)
