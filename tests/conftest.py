@@ -3,11 +3,16 @@
 from collections.abc import Iterator
 
 import pytest
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 from touring import Tour, touring
 
 # A busy machine is no fault of what is tested.
-settings.register_profile("untimed", settings.default, deadline=None)
+settings.register_profile(
+    "untimed",
+    settings.default,
+    deadline=None,
+    suppress_health_check=[HealthCheck.too_slow],
+)
 settings.load_profile("untimed")
 
 

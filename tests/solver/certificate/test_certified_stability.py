@@ -19,6 +19,8 @@ from solver.model.plants import MatrixPlant, ParallelPlant, first_order
 from solver.model.transfer_function import TransferFunction
 from solver.model.weights import Performance, Uncertainty
 
+SLOW_AND_FILTERED = [HealthCheck.too_slow, HealthCheck.filter_too_much]
+
 Polynomial = NDArray[np.float64]
 UNCERTAINTY = Uncertainty.from_error(0.2, 0.1)
 PERFORMANCE = Performance(tau_p=10.0)
@@ -72,7 +74,7 @@ LOOPS = st.builds(
 )
 
 
-@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.filter_too_much])
+@settings(max_examples=40, deadline=None, suppress_health_check=SLOW_AND_FILTERED)
 @given(PROCESSES, st.integers(1, 4), interactions(-0.3, 0.9), LOOPS)
 def test_identical_loops_have_the_unstable_poles_of_their_modes(
     process: TransferFunction, n: int, interaction: float, loop: Controller
@@ -91,7 +93,7 @@ def test_identical_loops_have_the_unstable_poles_of_their_modes(
     assert unstable_poles(claim) == expected
 
 
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.filter_too_much])
+@settings(max_examples=25, deadline=None, suppress_health_check=SLOW_AND_FILTERED)
 @given(LOOPS, LOOPS, interactions(-0.9, 0.9), st.sampled_from([ParallelPlant, MatrixPlant]))
 def test_different_loops_have_the_roots_of_the_determinant(
     first: Controller, second: Controller, interaction: float, kind: type

@@ -28,6 +28,8 @@ from solver.model.transfer_function import TransferFunction
 from solver.model.weights import Performance, Structure, Uncertainty
 from solver.robustness.axis import proven_peaks
 
+SLOW_AND_FILTERED = [HealthCheck.too_slow, HealthCheck.filter_too_much]
+
 UNCERTAINTY = Uncertainty.from_error(0.2, 1)
 Loops = tuple[Plant, Uncertainty, Performance, tuple[Controller, ...]]
 
@@ -92,7 +94,7 @@ def test_a_resonance_between_the_points_of_a_grid_is_caught() -> None:
     certified(Claim(*task, 1.002 * true_peak))
 
 
-@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.filter_too_much])
+@settings(max_examples=200, deadline=None, suppress_health_check=SLOW_AND_FILTERED)
 @given(loops_to_certify())
 def test_the_level_is_never_below_the_peak_and_within_one_per_cent_of_it(task: Loops) -> None:
     """Random stable loops: certified at 1.005 times the dense peak, and with scales that hold."""
@@ -105,7 +107,7 @@ def test_the_level_is_never_below_the_peak_and_within_one_per_cent_of_it(task: L
     assert level_at(grid(certificate, 5), certificate).max() <= 1.005 * peak * (1 + 1e-9)
 
 
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.filter_too_much])
+@settings(max_examples=25, deadline=None, suppress_health_check=SLOW_AND_FILTERED)
 @given(loops_to_certify())
 def test_nothing_is_certified_below_the_peak(task: Loops) -> None:
     """Random stable loops: a level 1e-6 under a value that mu takes is refused."""

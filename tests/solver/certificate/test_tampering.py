@@ -23,7 +23,9 @@ from solver.model.errors import InvalidInputError
 from solver.model.transfer_function import TransferFunction
 
 RELAXED = settings(
-    max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=40,
+    deadline=None,
+    suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
 )
 FACTORS = st.floats(1e-6, 1e6).filter(lambda factor: abs(factor - 1) > 1e-12)
 
