@@ -21,8 +21,10 @@ from solver.model.errors import InvalidInputError
 __all__ = ["Table", "write_csv", "writer"]
 
 _KEYS = ("digest", "job")  # what else tells an entry from others
+# A faulty request may hold half of a surrogate pair, which no encoding has: its number is written.
+_HALVES = "backslashreplace"
+_DEEPEST = 16  # levels of a request that are told apart; the deepest that there can be has ten
 _GENERAL = ("title", "id", "labels")  # said of a request whether or not they differ
-
 
 _CONVERSIONS: dict[SettingsForm, Callable[[Controller], object]] = {
     SettingsForm.CASCADE: lambda controller: controller,
@@ -113,10 +115,11 @@ def writer(
 
 def write_csv(file: IO[bytes], rows: Sequence[Mapping[str, Any]]) -> None:
     """Write rows as comma-separated values in UTF-8 under a line of column names."""
-    text = io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=True)
-    sheet = csv.DictWriter(text, _columns(rows))
-    sheet.writeheader()
-    sheet.writerows({name: _cell(value) for name, value in row.items()} for row in rows)
+    text = io.TextIOWrapper(file, "utf-8", errors=_HALVES, newline="", write_through=True)
+    names = _columns(rows)
+    sheet = csv.writer(text)
+    sheet.writerow([_cell(name) for name in names])
+    sheet.writerows([_cell(row.get(name)) for name in names] for row in rows)
     text.detach()
 
 
@@ -124,7 +127,7 @@ def _write_parquet(file: IO[bytes], rows: Sequence[Mapping[str, Any]]) -> None:
     import pyarrow as pa  # noqa: PLC0415 - an extra
     import pyarrow.parquet as pq  # noqa: PLC0415
 
-    arrays = {name: _column([row.get(name) for row in rows]) for name in _columns(rows)}
+    arrays = {_whole(name): _column([row.get(name) for row in rows]) for name in _columns(rows)}
     pq.write_table(pa.table(arrays), file)
 
 
@@ -178,15 +181,17 @@ def _settings(loop: Mapping[str, float | None], form: SettingsForm) -> dict[str,
     return {name: getattr(converted, name, None) for name in _SETTINGS[form]}
 
 
-def _flat(value: object, name: str = "") -> dict[str, Any]:
+def _flat(value: object, name: str = "", depth: int = 0) -> dict[str, Any]:
     """Return the leaves of a JSON value by their dotted names."""
+    if depth > _DEEPEST:
+        return {name: "(nested deeper)"}
     if isinstance(value, dict):
         parts = ((f"{name}.{key}" if name else key, each) for key, each in value.items())
     elif isinstance(value, list):
         parts = ((f"{name}.{index + 1}", each) for index, each in enumerate(value))
     else:
         return {name: value}
-    return {key: leaf for part, each in parts for key, leaf in _flat(each, part).items()}
+    return {key: leaf for part, each in parts for key, leaf in _flat(each, part, depth + 1).items()}
 
 
 def _varied(items: Iterable[Item]) -> list[str]:
@@ -219,12 +224,18 @@ def _cell(value: object) -> object:
 
 def _column(values: list[Any]) -> list[Any]:
     """Return the values of a column as one type: numbers where all are, else text."""
+    values = [_whole(value) if isinstance(value, str) else value for value in values]
     kinds = {type(value) for value in values if value is not None}
     if len(kinds) > 1:
         if kinds <= {int, float}:
             return [None if value is None else float(value) for value in values]
         return [None if value is None else str(value) for value in values]
     return values
+
+
+def _whole(text: str) -> str:
+    """Return a text without halves of characters."""
+    return text.encode(errors=_HALVES).decode()
 
 
 def _require_pyarrow() -> None:

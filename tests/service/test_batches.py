@@ -266,6 +266,22 @@ def test_results_as_a_table(client: httpx.Client) -> None:
     assert float(loops[0]["proportional_gain"]) != 0
 
 
+def test_a_table_of_requests_that_are_none(client: httpx.Client) -> None:
+    """Whatever a faulty one holds: half characters, formulas as names, nesting without end."""
+    deep: Any = 1
+    for _ in range(800):
+        deep = [deep]
+    faulty = [{"=1+1": "\ud800", "\udfff": 2}, {"deep": deep}]
+    content = json.dumps({"tunings": faulty, "on_error": "skip"})
+    headers = {"Content-Type": "application/json"}
+    batch = client.post(PATH, content=content, headers=headers).json()
+    rows = table(client, batch)
+    assert [row["status"] for row in rows] == ["error", "error"]
+    assert rows[0]["'=1+1"] == "\\ud800"
+    assert rows[0]["\\udfff"] == "2"
+    assert "(nested deeper)" in rows[1].values()
+
+
 def test_a_table_waits_for_the_whole_batch(client: httpx.Client) -> None:
     """What is asked for right after the start is complete, too."""
     batch = start(client, tuning(SLOW, starts=20), tuning(60))
