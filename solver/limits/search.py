@@ -50,6 +50,8 @@ BUILT_HIGH = 30.0  # fastest pole of its basis over the bandwidth
 BUILT_DELAYED = 14.0  # the same over the inverse of the longest dead time: what Pade quotients hold
 BUILT_END = 3.0  # where its functions begin to fall, over its fastest pole
 BUILT_DENSITY = 3.0  # of its poles, as `POLES_PER_DECADE`
+# The same of a first controller, and the relative gain below which its steps end.
+FIRST_TARGET, FIRST_SETTLED = 0.8, 0.05
 MAX_STEPS = 60
 MAX_EXCHANGES = 6  # after which peaks between the points are let pass that a larger tau_P lowers
 LAST_EXCHANGE = 18  # of those that no tau_P lowers: with the densest of grids few are left
@@ -173,6 +175,8 @@ class LimitSearch:
         self.ended = False
         self._met: list[tuple[list[NDArray[np.float64]], float]] = []  # in this basis
         self.target = TARGET
+        self.allowed = 0.0  # of mu between the points, where that is more than the target
+        self.settled = SETTLED
         self.blocks = central_blocks(plant, uncertainty)
         bends = corners(plant, uncertainty)
         self.bandwidth = bandwidth_of(plant, uncertainty, bends)
@@ -203,7 +207,7 @@ class LimitSearch:
 
     def run(self) -> Found | None:
         """Return the best controller; None where mu stays above 1 for every tau_P."""
-        best: Found | None = None
+        best = self._at_first()
         few = len(POLES_PER_DECADE) if self.plant.n <= REFINED_SIZE or self.scalar else 1
         for density in POLES_PER_DECADE[:few]:
             found = self._with_basis(self._basis(density, self.range[1], 10 * self.range[1]), best)
@@ -215,6 +219,19 @@ class LimitSearch:
             if value > before * (1 - REFINED) or self.ended:
                 break
         return best
+
+    def _at_first(self) -> Found | None:
+        """Return a controller that is there early, where many seconds go by before the best one.
+
+        It keeps so much of mu in hand that few peaks between the points exceed what is allowed.
+        """
+        if not self.sought or self.scalar or self.plant.n <= REFINED_SIZE:
+            return None
+        self.target, self.allowed, self.settled = FIRST_TARGET, TARGET, FIRST_SETTLED
+        basis = self._basis(POLES_PER_DECADE[0], self.range[1], 10 * self.range[1])
+        found = self._with_basis(basis, None)
+        self.target, self.allowed, self.settled = TARGET, 0.0, SETTLED
+        return found
 
     def enough(self) -> bool:
         """Whether the search is to end with what it has."""
@@ -333,7 +350,7 @@ class LimitSearch:
                 mu, v, tau_p = self._slower(state, X, tau_p)
                 gain = max(gain, 1 - tau_p / before)
                 self._met.append((X, tau_p))
-            if gain < SETTLED:
+            if gain < self.settled:
                 if not (
                     self.sought
                     and mu > self.target * (1 + BETWEEN)
@@ -356,7 +373,7 @@ class LimitSearch:
             return _State(self, state.basis, omega).curve(X, tau_p)[0]
 
         values = curve(dense)
-        level = curve(state.omega).max()
+        level = max(curve(state.omega).max(), self.allowed)
         where, heights = local_peaks(curve, dense, values, rounds=1)
         over = heights > level * (1 + BETWEEN)
         return where[over] if over.any() else self._found(state, X, v, tau_p)
@@ -370,7 +387,8 @@ class LimitSearch:
             slowest = SLOWEST_TRIED / self.bandwidth
             if checking.curve(X, max(tau_p, slowest))[0].max() > 1:
                 return None
-            tau_p = checking.least_tau_p(X, tau_p, min(1.0, self.target * (1 + 2 * BETWEEN)))
+            level = max(self.target, self.allowed) * (1 + 2 * BETWEEN)
+            tau_p = checking.least_tau_p(X, tau_p, min(1.0, level))
             if math.isinf(tau_p):
                 return None
         mu = float(checking.curve(X, tau_p)[0].max())

@@ -311,6 +311,25 @@ def test_a_peak_that_a_reduction_leaves_between_the_frequencies_is_found(
     assert all(0.123 in each for each in looked_at[1:])
 
 
+def test_a_search_that_is_ended_keeps_its_first_controller(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Large matrix plants get one with mu in hand before the best one is sought."""
+    rows = [[TransferFunction([1.0 + 3.0 * (i == j)], [10, 1]) for j in range(4)] for i in range(4)]
+    task = LimitSearch(MatrixPlant(rows), UNCERTAINTY, Performance())
+    omega = np.geomspace(1e-3, 10, 9)
+    first = Found([np.zeros((1, 4, 4))], task._built_basis(1.0), 1.0, 5.0, omega, np.ones((9, 4)))  # noqa: SLF001
+    targets = []
+
+    def with_basis(_basis: object, before: Found | None) -> Found | None:
+        targets.append(task.target)
+        return first if before is None else None
+
+    monkeypatch.setattr(task, "_with_basis", with_basis)
+    assert task.run() is first
+    assert targets[0] < 0.9 < targets[1]
+
+
 def test_a_controller_on_its_way_may_have_more_states_than_a_request() -> None:
     """400 states are the most that is taken in; sums and series of them go beyond."""
     states = MAX_STATES // 2 + 1
