@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import binascii
 from typing import Any
 
 from fastapi import APIRouter, Request, Response
@@ -73,7 +72,7 @@ async def post_record_columns(request: Request) -> Response:
     body = await bodies.read(request, RecordFile)
     try:
         raw = base64.b64decode(body.content, validate=True)
-    except binascii.Error:
+    except ValueError:
         message = "is no base64"
         raise InvalidInputError(message, "/content") from None
     return answer(request, await computed(request, _columns, raw, body.name))
