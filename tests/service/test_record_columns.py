@@ -56,8 +56,9 @@ def test_files_that_are_no_records(client: httpx.Client, raw: bytes, name: str, 
     assert fault["detail"].startswith(told)
 
 
-def test_content_is_base64(client: httpx.Client) -> None:
+@pytest.mark.parametrize("content", ["a,b", "\u00d8\u00d9"])
+def test_content_is_base64(client: httpx.Client, content: str) -> None:
     """Anything else is a fault of the caller."""
-    answer = client.post("/v1/record-columns", json={"name": "a.csv", "content": "a,b"})
+    answer = client.post("/v1/record-columns", json={"name": "a.csv", "content": content})
     assert answer.status_code == 422
     assert answer.json()["errors"][0]["pointer"] == "/content"
