@@ -47,17 +47,19 @@ if TYPE_CHECKING:
 __all__ = ["ModelTolerance", "model_tolerances", "parameters", "tolerance_remark"]
 
 SMALLEST_ERROR = 0.0096  # the errors tried: from about a per cent, doubling (never just -1),
+LARGE_ERROR, PER_DOUBLING = 0.1536, 4  # and in smaller steps from here: what is lost may come back
 LARGEST_ERROR = 4.0  # up to five times the value, or to minus three times where signs may change,
 SMALLER_TIMES = (0.8, 0.9, 0.97, 0.99)  # or of times down to a hundredth of them,
 NO_DEAD_TIME = (0.8, 1.0)  # or of dead time to none at all
 SIGNED = {"gain", "interaction"}
 CLOSER, LEAST_ERROR = 4.0, 1e-9  # where already the first is too large, down to the last
 STEPS_BACK = 6  # where a peak between the grid's points loses the demand sooner: by hundredths
-HALVINGS = 6  # of the last doubling: to a hundredth of the error, or 1.5e-4 of the value
+HALVINGS = 6  # of the last step: to a hundredth of the error, or 1.5e-4 of the value
 LOWER = 1e-4  # of the grid's low end: a direction near singular is slower than anything else
 PER_DECADE = 8
 WORK = 100_000  # steps of the proof of stability, for the plant as given times the parameters
-THINNED = 2  # of the grid, where a proof confirms what it finds
+THINNED = 2  # of the grid, where a proof confirms what it finds,
+DOUBTFUL = 0.98  # and where a peak on it is higher: a peak between its points may exceed 1
 # Loops of a matrix plant whose elements are looked at one by one, in all or by their gains alone;
 # what is left changes in all elements together.
 MAX_FULLY, MAX_BY_GAIN = 3, 5
@@ -65,6 +67,7 @@ MAX_FULLY, MAX_BY_GAIN = 3, 5
 _Limits = tuple[float | None, float | None]
 DEMAND, STABILITY = 0, 1
 _IsLost: TypeAlias = "Callable[[float, int], bool]"  # of an error, the demand or stability
+_Seen: TypeAlias = "Callable[[float], tuple[bool, float]]"  # whether stability is lost, and a peak
 _Entries: TypeAlias = "tuple[tuple[tuple[WeightedElement, ...], ...], ...]"
 _Change: TypeAlias = "Callable[[TransferFunction, float], TransferFunction]"
 
@@ -88,10 +91,12 @@ class ModelTolerance:
         Where nominal stability is lost, likewise.
 
     Both are proven to hold at the errors told, over all frequencies. They are sought on a grid of
-    frequencies, at errors that double from one to the next; where the proof denies what that finds,
-    at such errors by proof. Where the plant as given is beyond the proof, or so near the edge of
-    stability that its proof takes too many steps, the grid decides, and up to three loops, whose
-    resonances may move between its points, a count of the poles beside it.
+    frequencies, at errors that double from one to the next, and from 15 per cent on grow by a
+    fifth: what is lost and regained between two of them is not seen. Where the proof denies what
+    that finds, they are sought at such errors by proof. Where the plant as given is beyond the
+    proof, or so near the edge of stability that its proof takes too many steps, the grid decides,
+    and up to three loops, whose resonances may move between its points, a count of the poles beside
+    it.
 
     """
 
@@ -135,9 +140,17 @@ def model_tolerances(
     found = []
     for parameter in every:
 
-        def seems(error: float, which: int, parameter: Parameter = parameter) -> bool:
+        @cache
+        def seen(error: float, parameter: Parameter = parameter) -> tuple[bool, float]:
             here = sampled.at(parameter, 1 + error)
-            return here.differs(given) or (which == DEMAND and here.peak > 1)
+            return here.differs(given), here.peak
+
+        def seems(error: float, which: int, seen: _Seen = seen) -> bool:
+            differs, peak = seen(error)
+            return differs or (which == DEMAND and peak > 1)
+
+        def doubted(error: float, seen: _Seen = seen) -> bool:
+            return provable and seen(error)[1] > DOUBTFUL
 
         @cache
         def proven(error: float, which: int, parameter: Parameter = parameter) -> bool:
@@ -154,7 +167,10 @@ def model_tolerances(
             return not stable or (which == DEMAND and seems(error, which))
 
         checked = proven if provable else counted if plant.n <= MAX_FULLY else None
-        sides = [_limits(seems, checked, _tried(parameter.name, sign), met=met) for sign in (-1, 1)]
+        sides = [
+            _limits(seems, checked, doubted, _tried(parameter.name, sign), met=met)
+            for sign in (-1, 1)
+        ]
         found.append(
             ModelTolerance(
                 parameter.name, parameter.element,
@@ -313,8 +329,10 @@ class _SampledLoop:
 
 def _tried(name: str, sign: int) -> list[float]:
     """Return the errors of a parameter that are tried, one after the other."""
-    doublings = math.floor(math.log2(LARGEST_ERROR / SMALLEST_ERROR))
-    errors = [SMALLEST_ERROR * 2.0**k for k in range(doublings + 1)]
+    doublings = round(math.log2(LARGE_ERROR / SMALLEST_ERROR))
+    errors = [SMALLEST_ERROR * 2.0**k for k in range(doublings)]
+    steps = math.ceil(PER_DOUBLING * math.log2(LARGEST_ERROR / LARGE_ERROR))
+    errors += [LARGE_ERROR * 2.0 ** (k / PER_DOUBLING) for k in range(steps)]
     if sign > 0 or name in SIGNED:
         return [sign * error for error in (*errors, LARGEST_ERROR)]
     rest = NO_DEAD_TIME if name == "dead_time" else SMALLER_TIMES
@@ -329,16 +347,25 @@ class _End(NamedTuple):
 
 
 def _limits(
-    seems: _IsLost, proven: _IsLost | None, errors: Sequence[float], *, met: bool
+    seems: _IsLost,
+    proven: _IsLost | None,
+    doubted: Callable[[float], bool],
+    errors: Sequence[float],
+    *,
+    met: bool,
 ) -> list[float | None]:
     """Return the errors at which the demand and stability are first lost on one side.
 
     What a grid of frequencies says is soon found. It is confirmed by proof, on both sides of where
     it ends: a grid may miss a peak, or a turn. Where the proof denies it, the demand is as a rule
-    lost a little sooner; else the proof seeks for itself.
+    lost a little sooner; else the proof seeks for itself. So it does where it denies an error that
+    is doubted, on the way there.
     """
     found = _first(seems, errors, met=met)
-    if proven is not None and not all(_confirmed(proven, found, met=met)):
+    on_the_way = [error for error in errors if met and abs(error) < abs(found[DEMAND].kept)]
+    if proven is not None and any(doubted(e) and proven(e, DEMAND) for e in on_the_way):
+        found = _first(proven, errors, met=met)
+    elif proven is not None and not all(_confirmed(proven, found, met=met)):
         nearer = _stepped_back(proven, found, met=met)
         found = _first(proven, errors, met=met) if nearer is None else nearer
     return [None if end.lost is None else end.kept for end in found]

@@ -168,6 +168,20 @@ def test_every_end_of_unusual_loops_is_one(seed: int) -> None:
                 assert not is_stable(changed(_outside(each.parameter, error)), drawn.loops)
 
 
+def test_a_demand_that_is_lost_and_met_again_is_told_where_it_is_lost_first() -> None:
+    """Between dead times 1.63 and 2.08 as long it is, by 0.4 per cent, and then up to 3.3."""
+    rows = [
+        [TransferFunction([12.8], [16.7, 1], 1), TransferFunction([-18.9], [21, 1], 3)],
+        [TransferFunction([6.6], [10.9, 1], 7), TransferFunction([-19.4], [14.4, 1], 3)],
+    ]
+    plant, loops = MatrixPlant(rows), [Controller(0.3, 8), Controller(-0.05, 8)]
+    performance, omega = Performance(tau_p=5000), np.geomspace(1e-6, 100, 300)
+    found = model_tolerances(plant, performance, loops, omega)
+    late = {each.element: each for each in found if each.parameter == "dead_time"}[1, 1]
+    assert late.demand is not None
+    assert late.demand[1] == pytest.approx(0.627, abs=0.01)
+
+
 def test_a_tolerance_far_below_one_per_cent_is_told() -> None:
     """a = 0.9999999: the differences turn round at a = 1, 1e-7 away."""
     plant = first_order(2, 1, 100, 0.9999999)
