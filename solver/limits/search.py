@@ -191,8 +191,13 @@ class LimitSearch:
         self.omega = grid(low / 200, 30 * high, density, extra)
 
     def _spread(self) -> float:
-        """Greatest gain of the plant at low frequency over its least one."""
-        sizes = np.concatenate([np.linalg.svd(b.inverse, compute_uv=False) for b in self.youla])
+        """Greatest gain of the plant at low frequency over its least one, whatever the units."""
+        inverses = [block.inverse for block in self.youla]
+        if not self.plant.interchangeable:
+            # Its rows belong to inputs, each with a unit of its own (and that of time, where it
+            # integrates). Equal rows come within sqrt(n) of the least spread (van der Sluis 1969).
+            inverses = [P / np.linalg.norm(P, axis=1, keepdims=True) for P in inverses]
+        sizes = np.concatenate([np.linalg.svd(P, compute_uv=False) for P in inverses])
         return float(sizes.max() / sizes.min())
 
     @property

@@ -119,6 +119,17 @@ def test_the_limit_scales_with_the_unit_of_time_and_of_the_signals() -> None:
         )
 
 
+def test_inputs_of_unlike_units_are_searched_alike() -> None:
+    """Valves in units of 1e6 and 1e-3 of each other's leave the frequencies of the search alone."""
+    gains = np.array([[2.0, -0.7], [0.5, 1.5]])
+
+    def searched(units: tuple[float, float]) -> tuple[float, float]:
+        rows = [[TransferFunction([k], [10, 1]) for k in row] for row in gains * units]
+        return LimitSearch(MatrixPlant(rows), UNCERTAINTY, Performance()).range
+
+    assert searched((1e6, 1e-3)) == pytest.approx(searched((1.0, 1.0)), rel=1e-9)
+
+
 def test_more_interaction_is_no_help() -> None:
     """The limit grows with a, and a dead time adds to it."""
     alone, together, late = (
