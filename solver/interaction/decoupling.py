@@ -493,15 +493,19 @@ TOO_STRONG = "the interaction left by the static decoupler is too strong"
 SMALLER_INDEX = "Give a smaller max_index."
 
 
+_UNHELPED = "Nor does max_index: the interaction stays below it. Give own gains, a lower one"
+
+
 def _warnings(
     loops: list[PIDesign],
     closed_loop: DecoupledClosedLoop | None,
     error_gain: float,
     max_index: float | None,
 ) -> tuple[str, ...]:
+    advice = "Give max_index" if max_index is None else _UNHELPED
     warnings = [
         f"Loop {index + 1} has no finite optimum: its model has nothing that limits the "
-        "integral gain. Give max_index, or add the dead time that the model neglects."
+        f"integral gain. {advice}, or add the dead time that the model neglects."
         for index, loop in enumerate(loops)
         if loop.status is DesignStatus.UNBOUNDED
     ]

@@ -28,6 +28,7 @@ __all__ = ["detuned"]
 
 _CLOSE = 0.98  # of the bound: near enough, settings have fewer digits
 _ROUNDS = 30  # each needs a design of every loop; five to ten are usual
+_ENDLESS = 1e9  # times the estimate: further off than that it is not
 _LARGEST_STEP = 5.0  # factor on a gain in one round
 
 
@@ -72,6 +73,10 @@ def detuned(
         at_optimum = gains >= greatest * (1 - 1e-9)
         if np.all(room >= 1) and np.all(at_optimum | (room * _CLOSE <= 1)):
             break
+        rising = np.isinf(greatest) & (room * _CLOSE > 1)
+        if rising.any() and np.all((gains > _ENDLESS * start)[rising]):
+            # The peaks stay below the bound however high these gains.
+            return designs(np.where(rising, np.inf, limits))
         # Towards the middle of what is near enough.
         factor = np.clip(0.99 * room, 1 / _LARGEST_STEP, _LARGEST_STEP)
         limits = np.minimum(gains * factor, greatest)

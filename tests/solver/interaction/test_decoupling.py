@@ -226,6 +226,13 @@ def test_unbounded_loop_has_no_closed_loop() -> None:
     assert "max_index" in result.warnings[0]
 
 
+def test_interaction_that_stays_below_its_bound_limits_no_gain() -> None:
+    """Rosenbrock's second loop disturbs the first by less than 5 however high its gain."""
+    result = decouple(DecouplingSpecification(ROSENBROCK, max_index=5.0))
+    assert result.loops[1].status is DesignStatus.UNBOUNDED
+    assert "Nor does max_index" in result.warnings[0]
+
+
 def test_large_relative_gains_are_warned_of() -> None:
     """SLH section 4.2: a = 0.949 has relative gains 10.06 and -9.06; a decoupler is dangerous."""
     result = decouple(DecouplingSpecification(first_order(2, 1, 100, 0.949, 1)))
