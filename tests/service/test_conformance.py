@@ -17,6 +17,9 @@ from serving import served
 from service.configuration import Configuration
 from service.http.app import create_app
 
+# The service, a thread of this process, may draw random numbers while an example is made here.
+pytestmark = pytest.mark.filterwarnings("ignore:Do not use the `random` module inside strategies")
+
 _SHORT = "^/v1/tunings|^/v1/examples|^/v1/controller-forms|z$|^/metrics"
 KEY, SECRET = "0123456789abcdef", "for-this-test-only"
 
