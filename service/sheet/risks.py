@@ -25,7 +25,7 @@ from solver.model.errors import InvalidInputError
 from solver.model.subsystems import interchangeable, subsystem
 from solver.robustness.axis import proven_peaks
 from solver.robustness.model_tolerance import ModelTolerance as Computed
-from solver.robustness.record import GuaranteeStatus, Peaks, Robustness
+from solver.robustness.record import Peaks, Robustness
 from solver.simulation.experiment import Experiment, Step, StepKind
 from solver.simulation.loops import Loop
 from solver.simulation.step_response import step_response
@@ -255,13 +255,14 @@ def _stability(tuned: RequestedTuning, robustness: Robustness) -> Iterator[Said]
             "stability", level,
             f"Every plant stays stable up to {number(factor, 3)} times the errors that were given.",
         )  # fmt: skip
-    guarantee = robustness.guarantee
+    guarantee = tuned.result.guarantee
     if guarantee is None:
         return
-    if guarantee.status is GuaranteeStatus.PROVEN:
+    if guarantee.status == "proven":
+        every = " of every scenario" if len(tuned.result.scenarios or ()) > 1 else ""
         yield Said(
             "stability", "good",
-            f"Proven over all frequencies: μ is nowhere above {number(guarantee.level, 6)}.",
+            f"Proven over all frequencies{every}: μ is nowhere above {number(guarantee.level, 6)}.",
         )  # fmt: skip
     else:
         yield Said(
@@ -357,10 +358,11 @@ def _settings(tuned: RequestedTuning) -> Iterator[Said]:
         given = given or _peak(tuned)
         if peak <= _KEPT * given:
             level: Level = "good" if digits <= 3 else "warning"
+            more = "" if peak < _MET else "; a resolution in the request keeps it at 1 or below"
             yield Said(
                 "settings", level,
                 f"{('Two', 'Three', 'Four', 'Five')[digits - 2]} digits of the settings are "
-                f"enough: so rounded, μ is {number(peak, 4)}.",
+                f"enough to within 1 % of μ: so rounded, it is {number(peak, 4)}{more}.",
             )  # fmt: skip
             return
     yield Said("settings", "bad", "The settings must be kept to more than five digits.")

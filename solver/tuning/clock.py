@@ -54,6 +54,7 @@ class Clock:
         self._last = -math.inf
         self._fraction = 0.0
         self._offered: Callable[[], float] | None = None
+        self._working_out = False
 
     @property
     def elapsed(self) -> float:
@@ -83,11 +84,11 @@ class Clock:
         self._note(value)
         if self.stopped or (self.limit is not None and now > self.limit):
             raise OutOfTimeError
+        if self._working_out:  # what is offered ticks too, and is to be told before all else
+            return
         if self.progress is not None and now - self._last > PROGRESS_INTERVAL:
             self._last = now
-            offered, self._offered = self._offered, None
-            if offered is not None:
-                self._note(offered())
+            self._note_offered()
             best = self.best if math.isfinite(self.best) else None
             # More searches may come up on the way; progress never falls.
             self._fraction = max(self._fraction, min(self.done / max(self.total, 1), 1.0))
@@ -95,6 +96,16 @@ class Clock:
             if self.progress(Progress(self._fraction, best, self.done, total)):
                 self.stopped = True
                 raise OutOfTimeError
+
+    def _note_offered(self) -> None:
+        offered, self._offered = self._offered, None
+        if offered is None:
+            return
+        self._working_out = True
+        try:
+            self._note(offered())
+        finally:
+            self._working_out = False
 
     def _note(self, value: float) -> None:
         if math.isfinite(value):

@@ -538,6 +538,9 @@ class Specification:
         if self.scenarios or self.spread is not None:
             message = "the optimality gap is proven for one plant, without scenarios or spread"
             raise InvalidInputError(message, where)
+        if self.demands.names:
+            message = "the optimality gap is proven for robust performance alone, without demands"
+            raise InvalidInputError(message, where)
         if self.mixing is not None and self.mixing.own_inputs is None:
             message = "the optimality gap is proven for loops that have an input each only"
             raise InvalidInputError(message, where)

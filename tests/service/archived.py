@@ -13,6 +13,7 @@ from solver.model.controllers import Controller
 from solver.model.plants import MatrixPlant, Plant, first_order
 from solver.model.weights import Performance, Uncertainty
 from solver.robustness.analysis import analyse
+from solver.tuning.groupings import MAX_CONTROLLERS
 from solver.tuning.record import Comparison, LocalOptimum, SearchSummary, Status, Tuning
 
 __all__ = ["PUBLISHED", "archived", "infeasible", "published"]
@@ -102,6 +103,7 @@ def _request(plant: Plant, uncertainty: Uncertainty, performance: Performance) -
         "plant": described,
         "uncertainty": _asked(uncertainty),
         "performance": _asked(performance) | {"tau_p": None},
+        "controller": {"arrangement": "independent" if plant.n <= MAX_CONTROLLERS else "best"},
     }
     return parse_tuning_request(json.dumps(request))
 

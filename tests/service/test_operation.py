@@ -29,6 +29,7 @@ PATH = "/v1/tunings"
 def finished(client: httpx.Client, seed: int) -> str:
     """Return the path of a tuning that has ended, for a plant whose result is long."""
     request = altered(tuning(seed), "/plant/n", 200)
+    request = altered(request, "/controller/arrangement", "identical")
     response = client.post(PATH, json=request, headers={"Prefer": "wait=60"})
     assert response.json()["status"] == "succeeded"
     return response.headers["location"]

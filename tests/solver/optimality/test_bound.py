@@ -15,6 +15,7 @@ from solver.model.transfer_function import TransferFunction
 from solver.model.weights import Performance, Structure, Uncertainty
 from solver.optimality.bound import BranchAndBound
 from solver.optimality.record import Proof
+from solver.tuning.demands import Demands
 from solver.tuning.groupings import groupings
 from solver.tuning.record import Status
 from solver.tuning.search import Freedom, GroupingSearch
@@ -219,10 +220,11 @@ def test_the_time_limit_ends_the_proof_and_not_the_tuning(monkeypatch):
         {"plant": first_order(3, 1, 10, 0.5), "arrangement": Arrangement.BEST},
         {"arrangement": Arrangement.GROUPED, "group_sizes": (1, 1, 1),
          "plant": first_order(3, 1, 10, 0.5)},
+        {"demands": Demands(max_load_error=100)},
     ],
 )  # fmt: skip
 def test_what_is_not_covered_is_refused_by_name(refused):
-    """Free filters, unlike PID, the objective mu and more than two unlike PI have no such proof."""
+    """Free filters, unlike PID, mu, more than two unlike PI and demands have no such proof."""
     with pytest.raises(InvalidInputError) as error:
         task(**{"plant": SLH, "optimality_gap": True, **refused})
     assert error.value.field == "/search/optimality_gap"
