@@ -82,9 +82,12 @@ def right_half_plane_zeros(
     # follows by symmetry.
     box = Rectangle(-margin, -1.1 * margin, 1.00077 * radius, 1.00181 * radius)
     roots: list[Root] = []
+    # A single zero at s = 0 comes out far below the lowest corner, a multiple one within the
+    # smallest box that is searched.
+    origin = max(1e-6 * margin, 2e-12 * radius)
     for root in zeros_in_box(determinant, box):
         value, count = root.value, root.multiplicity
-        if any(abs(value - pole) <= 1e-6 * abs(pole) for pole in unstable):
+        if any(abs(value - pole) <= max(1e-6 * abs(pole), origin) for pole in unstable):
             continue
         if abs(value.imag) <= 1e-9 * abs(value) or abs(value) <= 1e-9 * margin:
             roots.append(Root(complex(value.real), count))

@@ -186,6 +186,16 @@ def test_unstable_and_integrating_elements_are_searched() -> None:
         assert min(abs(s - 1), abs(s - 2), abs(s)) > 1e-3
 
 
+@pytest.mark.parametrize("unit", [1.0, 10.0, 1e-3])
+def test_an_input_that_integrates_makes_no_zero_at_the_origin(unit: float) -> None:
+    """Both elements of a column have a pole at s = 0, the determinant one only."""
+    rows = [
+        [TransferFunction([unit], [1, 0]), TransferFunction([0.5 / unit], [3, 1])],
+        [TransferFunction([0.3 * unit], [1, 0], 1.0), TransferFunction([-2 / unit], [4, 1])],
+    ]
+    assert transmission_zeros(MatrixPlant(rows)).zeros == ()
+
+
 def test_many_orders_are_searched() -> None:
     """Above the exact degree the search gives the same right-half-plane zeros."""
     rng = np.random.default_rng(5)
