@@ -22,16 +22,11 @@ from typing import TYPE_CHECKING
 from flint import acb, fmpq, fmpq_poly
 
 from solver.certificate.enclosures import ExactResponse, Frame, Ratio, exact, is_hurwitz
-from solver.certificate.reduction import (
-    MAX_SETTINGS,
-    ExactBlock,
-    blocks,
-    settings_of,
-    shares_inputs,
-)
+from solver.certificate.reduction import MAX_SETTINGS, ExactBlock, blocks, settings_of
 from solver.certificate.taylor_models import TaylorModel
 from solver.model.controllers import DERIVATIVE_FILTER
 from solver.model.errors import InvalidInputError, UnsupportedPlantError
+from solver.model.mixed_plant import shares_inputs
 from solver.model.transfer_function import TransferFunction
 from solver.model.weights import Structure
 

@@ -27,12 +27,12 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, TypeGuard
+from typing import TYPE_CHECKING
 
 from flint import fmpq
 
 from solver.certificate.enclosures import ExactResponse, exact
-from solver.model.mixed_plant import MixedPlant
+from solver.model.mixed_plant import MixedPlant, shares_inputs
 from solver.model.plants import ParallelPlant
 from solver.model.transfer_function import TransferFunction
 from solver.model.weights import Structure
@@ -51,7 +51,6 @@ __all__ = [
     "blocks",
     "scale_count",
     "settings_of",
-    "shares_inputs",
     "width_of",
 ]
 
@@ -111,11 +110,6 @@ class ExactBlock:
     def integrators(self) -> tuple[int, ...]:
         """Poles at s = 0 in each row of T G, (k,)."""
         return tuple(max(response.integrators for response in row) for row in self.responses)
-
-
-def shares_inputs(plant: Plant) -> TypeGuard[MixedPlant]:
-    """Whether the errors are those of inputs that the loops share."""
-    return isinstance(plant, MixedPlant) and plant.shared
 
 
 def settings_of(

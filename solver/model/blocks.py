@@ -39,9 +39,9 @@ import numpy as np
 
 from solver.model.errors import InvalidInputError
 from solver.model.measured import MeasuredPlant
-from solver.model.mixed_plant import MixedPlant
+from solver.model.mixed_plant import MixedPlant, shares_inputs
 from solver.model.neighbours import MAX_LINE, Mode, NeighbourPlant, modes, period, sections
-from solver.model.plants import ParallelPlant, Plant, WeightedElement
+from solver.model.plants import ParallelPlant, Plant, WeightedElement, evaluated
 from solver.model.weights import Structure
 
 if TYPE_CHECKING:
@@ -187,13 +187,7 @@ class LoopBlocks:
         if self.modes:
             return self._ring(s)
         if not isinstance(self.plant, ParallelPlant):
-            n = self.plant.n
-            G = np.empty((s.size, n, n), dtype=complex)
-            for row in range(n):
-                for column in range(n):
-                    G[:, row, column] = self.plant.element(row, column)(s)
-            G *= self.ratios
-            return (G,)
+            return (evaluated(self.plant.rows, s) * self.ratios,)
         process = np.asarray(self.plant.process(s))
         interaction = np.asarray(self.plant.interaction(s)) if self.plant.n > 1 else 0 * process
         single = (process - interaction)[:, None, None]
@@ -205,10 +199,7 @@ class LoopBlocks:
     def _combined(self, s: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """Return M_y G, from the inputs of a mixed plant, (k, loops, inputs)."""
         assert isinstance(self.plant, MixedPlant)  # noqa: S101 - for the type checker
-        rows = self.plant.plant.rows
-        values = {e: np.asarray(e(s)) for row in rows for e in row}
-        G = np.moveaxis(np.array([[values[e] for e in row] for row in rows]), -1, 0)
-        return np.asarray(self.plant.to_outputs @ G)
+        return np.asarray(self.plant.to_outputs @ evaluated(self.plant.plant.rows, s))
 
     def _shared(self, s: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """Return [[0, E^-1 M_y G], [-M_u E, 0]] at the complex points `s` (k,)."""
@@ -236,9 +227,7 @@ class LoopBlocks:
         return [(m, part) for m, part in every if not all(e.is_zero for row in part for e in row)]
 
     def _ring(self, s: NDArray[np.complex128]) -> tuple[NDArray[np.complex128], ...]:
-        values = {e: np.asarray(e(s)) for _, part in self._sections for row in part for e in row}
-        found = np.array([[[values[e] for e in row] for row in part] for _, part in self._sections])
-        there = np.moveaxis(found, -1, 1) * self.ratios
+        there = np.array([evaluated(part, s) for _, part in self._sections]) * self.ratios
         own = [number for number, _ in self._sections]
         return tuple(
             replace(
@@ -436,7 +425,7 @@ def reduce(
                     "be the same for all, the uncertainty diagonal"
                 )
             raise InvalidInputError(message, "/plant/n")
-        if isinstance(plant, MixedPlant) and plant.shared and uncertainty is not None:
+        if shares_inputs(plant) and uncertainty is not None:
             return _shared(plant, partition, channels, scales, full=full)
         own = (0,) * plant.n if full else tuple(range(plant.n))
         found = LoopBlocks(

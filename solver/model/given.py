@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError
-from solver.model.mixed_plant import MixedPlant
+from solver.model.mixed_plant import MixedPlant, shares_inputs
 from solver.model.plants import Plant
 from solver.model.validation import instance, instances
 from solver.model.weights import Performance, Structure, Uncertainty
@@ -61,7 +61,7 @@ def require_fit(plant: Plant, uncertainty: Uncertainty, performance: Performance
     instance(uncertainty, Uncertainty, "/uncertainty")
     instance(performance, Performance, "/performance")
     weight = uncertainty.weight
-    inputs = plant.plant.n if isinstance(plant, MixedPlant) and plant.shared else plant.n
+    inputs = plant.plant.n if shares_inputs(plant) else plant.n
     if isinstance(weight, tuple) and len(weight) != inputs:
         message = f"{len(weight)} uncertainties for a plant of {inputs} inputs: one an input"
         raise InvalidInputError(message, "/uncertainty")

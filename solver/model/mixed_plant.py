@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeGuard
 
 import numpy as np
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from solver.model.weights import Uncertainty
 
-__all__ = ["MixedPlant", "summed"]
+__all__ = ["MixedPlant", "shares_inputs", "summed"]
 
 ROUNDED = 1e-13  # of what a coefficient is summed from: zero but for rounding
 SAME = 1e-12  # relative difference of coefficients that are one
@@ -154,6 +154,11 @@ class MixedPlant(Plant):
     def errors_of(self, uncertainty: Uncertainty, units: Sequence[int]) -> Uncertainty:
         """Return the uncertainty of `part(units)`: that of shared inputs stays."""
         return uncertainty if self.shared else super().errors_of(uncertainty, units)
+
+
+def shares_inputs(plant: Plant) -> TypeGuard[MixedPlant]:
+    """Whether the errors are those of inputs that the loops share."""
+    return isinstance(plant, MixedPlant) and plant.shared
 
 
 def summed(given: Sequence[WeightedElement], field: str) -> TransferFunction:

@@ -18,10 +18,11 @@ import numpy as np
 
 from solver.certificate.enclosed_loop import ExactLoop
 from solver.certificate.record import Claim
-from solver.certificate.reduction import shares_inputs, width_of
+from solver.certificate.reduction import width_of
 from solver.certificate.search import BEFORE
 from solver.model.blocks import group_loops
 from solver.model.errors import InvalidInputError
+from solver.model.mixed_plant import shares_inputs
 from solver.model.neighbours import NeighbourPlant
 from solver.model.peaks import Peak, greatest, tops, zoom
 from solver.model.plants import MatrixPlant

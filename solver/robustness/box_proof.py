@@ -17,7 +17,7 @@ import numpy as np
 from solver.model.blocks import group_loops
 from solver.model.deviations import Parameter, coupled
 from solver.model.measured import MeasuredPlant
-from solver.model.mixed_plant import MixedPlant
+from solver.model.mixed_plant import MixedPlant, shares_inputs
 from solver.model.plants import MatrixPlant
 from solver.robustness.box_loop import Boxes, BoxLoop
 from solver.robustness.curves import LoopAnalysis
@@ -174,7 +174,7 @@ def _beyond(plant: Plant, uncertainty: Uncertainty) -> str | None:
         return "measured responses are not proven"
     if uncertainty.outputs is not None:
         return "where outputs err it is not proven"
-    if isinstance(plant, MixedPlant) and plant.shared:
+    if shares_inputs(plant):
         return "where loops move combinations of inputs it is not proven"
     if any(e.feedthrough != 0 and e.dead_time > 0 for e in plant.elements if not e.is_zero):
         return "what dead time feeds through is not proven"

@@ -9,7 +9,7 @@ import numpy as np
 
 from solver.model.blocks import reduce, with_inputs, with_outputs
 from solver.model.memory import batch_length
-from solver.model.mixed_plant import MixedPlant
+from solver.model.mixed_plant import shares_inputs
 from solver.model.peaks import Peak, tops, zoom
 from solver.model.weights import Uncertainty
 from solver.mu.kernel import FINE
@@ -205,7 +205,7 @@ class _Family:
         c = np.take_along_axis(self.subsets.controller_response(omega), channels, axis=1)
         e = np.ones(channels.shape) if self.errors is None else self.errors[channels]
         plant = self.subsets.plant
-        if isinstance(plant, MixedPlant) and plant.shared:
+        if shares_inputs(plant):
             rows = np.arange(omega.size)[:, None]
             P = (plant.to_outputs @ plant.plant.response(omega))[rows, channels]
             M = np.moveaxis(plant.to_inputs[:, channels], 0, 1)
