@@ -72,6 +72,7 @@ class FullTask:
     uncertainty: solver.model.weights.Uncertainty
     performance: solver.model.weights.Performance
     controller: Built
+    cross_check: bool
 
 
 class RobustnessRequest(GivenLoops):
@@ -100,7 +101,7 @@ class RobustnessRequest(GivenLoops):
         default=None,
         description="A full controller u = C e in place of loops: a state space, a transfer "
         "matrix, or, for a parallel plant, one on the sum and one on the differences of its units. "
-        "Proofs and certificates are for single loops.",
+        "Certificates and margins are for single loops.",
         examples=[None],
     )
 
@@ -152,7 +153,6 @@ class RobustnessRequest(GivenLoops):
         alone = {
             "/loops": bool(self.loops),
             "/omega": self.omega is not None,
-            "/method": self.method != "kernel",
         }
         for field, given in alone.items():
             if given:
@@ -162,7 +162,7 @@ class RobustnessRequest(GivenLoops):
         assert self.controller is not None  # noqa: S101 - for the type checker: who calls knows
         with below("/controller"):
             controller = self.controller.build()
-        return FullTask(plant, uncertainty, performance, controller)
+        return FullTask(plant, uncertainty, performance, controller, self.method == "sdp")
 
     def combined(
         self, plant: solver.model.plants.Plant, mixing: solver.model.mixing.Mixing
@@ -306,7 +306,13 @@ def _full(task: FullTask) -> dict[str, Any]:
     """Return the robustness of a full controller; what is for single loops is left out."""
     from solver.robustness.centralised import analyse_centralised
 
-    found = analyse_centralised(task.plant, task.uncertainty, task.performance, task.controller)
+    found = analyse_centralised(
+        task.plant,
+        task.uncertainty,
+        task.performance,
+        task.controller,
+        cross_check=task.cross_check,
+    )
     of_loops = ("lower_bound", "worst_case", "uncertainty_scaling", "certificate")
     return {**encode(found), **dict.fromkeys(of_loops), "margins": []}
 

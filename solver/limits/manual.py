@@ -58,14 +58,16 @@ def loops_in_manual(
     if plant.n < 2:
         return None
     found = []
-    for group in interchangeable(plant, loops):
+    for group in interchangeable(plant, loops, None, performance.output_scale):
         unit = group[0]
-        rest, others = subsystem(plant, loops, [each for each in range(plant.n) if each != unit])
+        units = [each for each in range(plant.n) if each != unit]
+        rest, others = subsystem(plant, loops, units)
         if unstable_poles(rest, others):
             found.append(OneInManual(unit, stable=False, peak=None))
             continue
-        blocks, controllers = group_loops(rest, others, uncertainty)
-        analysis = LoopAnalysis(blocks, controllers, uncertainty, performance)
+        left = performance.of_units(units)
+        blocks, controllers = group_loops(rest, others, uncertainty, left.output_scale)
+        analysis = LoopAnalysis(blocks, controllers, uncertainty, left)
         peaks = analysis.peaks(analysis.curves(analysis.omega))
         found.append(OneInManual(unit, stable=True, peak=peaks.robust_performance.value))
     return _worst(found)
@@ -96,7 +98,7 @@ def controller_in_manual(
         result = analyse_centralised(
             plant.part(others),
             uncertainty,
-            performance,
+            performance.of_units(others),
             _without(controller, others, n),
             proof=False,
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,6 +21,7 @@ from solver.limits.search import (
 from solver.model.errors import InvalidInputError
 from solver.model.given import require_alike, require_fit
 from solver.model.mode_controller import ModeController
+from solver.model.one_scale import of_one_scale
 from solver.model.open_loop import require_supported
 from solver.model.peaks import Peak
 from solver.model.plants import Plant
@@ -39,6 +41,7 @@ if TYPE_CHECKING:
 
 __all__ = ["MAX_LIMIT_SIZE", "multivariable_limit", "require_covered"]
 
+FOUND_FOR = "the limit is found for"
 MAX_LIMIT_SIZE = 6  # of a matrix plant: the convex program grows with its fourth power
 BUILT_MU = (1.01, 1.05)  # of the least mu of its basis: what a reduction of the order may cost
 ROOM = 1e-6  # relative addition to tau_P for peaks between the points of the dense grid
@@ -70,12 +73,15 @@ def multivariable_limit(
     Raises
     ------
     InvalidInputError
-        A singular static gain, a matrix plant that is too large, unlike `output_scale`.
+        A singular static gain, a matrix plant that is too large; parallel units whose
+        permitted errors differ are one.
     UnsupportedPlantError
         An unstable plant, or integrators that do not belong to inputs.
 
     """
     require_covered(plant, uncertainty, performance)
+    scaled = of_one_scale(plant, performance, MAX_LIMIT_SIZE, FOUND_FOR)
+    plant, performance = scaled.plant, scaled.performance
     objective = "tau_p" if performance.tau_p is None else "mu"
     search = LimitSearch(plant, uncertainty, performance, tick)
     bound = lower_bound(plant, uncertainty, performance)
@@ -97,35 +103,42 @@ def multivariable_limit(
         return Limit(LimitStatus.INFEASIBLE, objective, None, bound, reason=reason)
     settled = not search.ended
     realised = _realised(search, found)
-    warnings = []
-    if not settled:
-        warnings.append("the search for the limit was ended early: it may be lower")
-    elif search.ended:
-        warnings.append(
-            "the search was ended before a controller was built"
-            if realised is None
-            else "the search for the controller built was ended early: another may reach more"
-        )
-    elif realised is None:
-        warnings.append("no controller of limited order was found near the limit")
-    if realised is not None and realised.unstable_poles:
-        warnings.append(
-            "the controller built is unstable by itself (poles in the right half plane: "
-            f"{realised.unstable_poles}): it runs away in manual, or where a valve is at its limit"
-        )
     value = found.tau_p if search.sought else found.mu
     if realised is not None and realised.robustness.peaks is not None:
         # Its basis is another one, and both are local searches.
         peak = realised.robustness.peaks.robust_performance.value
         value = min(value, realised.tau_p if search.sought else peak)
+    if realised is not None:
+        realised = replace(realised, controller=scaled.given_back(realised.controller))
     return Limit(
         LimitStatus.TIME_LIMIT if search.ended else LimitStatus.FOUND,
         objective,
         value,
         bound,
         realised,
-        warnings=tuple(warnings),
+        warnings=_warnings(realised, settled=settled, ended=search.ended),
     )
+
+
+def _warnings(realised: Realised | None, *, settled: bool, ended: bool) -> tuple[str, ...]:
+    """Return what to look at twice; `settled`: whether the limit was found before the end."""
+    found = []
+    if not settled:
+        found.append("the search for the limit was ended early: it may be lower")
+    elif ended:
+        found.append(
+            "the search was ended before a controller was built"
+            if realised is None
+            else "the search for the controller built was ended early: another may reach more"
+        )
+    elif realised is None:
+        found.append("no controller of limited order was found near the limit")
+    if realised is not None and realised.unstable_poles:
+        found.append(
+            "the controller built is unstable by itself (poles in the right half plane: "
+            f"{realised.unstable_poles}): it runs away in manual, or where a valve is at its limit"
+        )
+    return tuple(found)
 
 
 def require_covered(plant: Plant, uncertainty: Uncertainty, performance: Performance) -> None:
@@ -136,7 +149,8 @@ def require_covered(plant: Plant, uncertainty: Uncertainty, performance: Perform
     if not plant.interchangeable and plant.n > MAX_LIMIT_SIZE:
         message = f"the limit is found for matrix plants up to {MAX_LIMIT_SIZE} units"
         raise InvalidInputError(message, "/plant")
-    require_alike(uncertainty, performance, "the limit is found for")
+    require_alike(uncertainty, FOUND_FOR)
+    of_one_scale(plant, performance, MAX_LIMIT_SIZE, FOUND_FOR)
 
 
 def _realised(search: LimitSearch, best: Found) -> Realised | None:

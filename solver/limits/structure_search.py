@@ -8,7 +8,7 @@ the exact upper bound at its best scales. The grid takes up the peaks that a den
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,7 +19,9 @@ from solver.limits.search import bandwidth_of
 from solver.limits.structures import structures
 from solver.limits.youla import youla_blocks
 from solver.model.frequencies import corners, grid, resonances
+from solver.model.one_scale import of_one_scale
 from solver.model.peaks import local_peaks
+from solver.model.plants import MAX_MATRIX_SIZE
 from solver.robustness.centralised import analyse_blocks, centralised_poles
 from solver.robustness.centralised_curves import CentralisedAnalysis, central_blocks
 from solver.robustness.shared_scales import best_scales
@@ -32,6 +34,7 @@ if TYPE_CHECKING:
     from solver.limits.structures import Structure, StructureKind
     from solver.model.controllers import Controller
     from solver.model.mode_controller import ModeController
+    from solver.model.one_scale import OneScale
     from solver.model.plants import Plant
     from solver.model.state_space import StateSpace
     from solver.model.weights import Performance, Uncertainty
@@ -110,7 +113,7 @@ def structured_controllers(
     Parameters
     ----------
     plant : Plant
-        Stable or integrating.
+        Stable or integrating. Units whose permitted errors differ are no parallel ones.
     uncertainty, performance : Uncertainty, Performance
         The weights; without a `tau_p` the least one is sought, with one the least mu.
     identical : Controller or None
@@ -120,6 +123,8 @@ def structured_controllers(
         raises passes through.
 
     """
+    scaled = of_one_scale(plant, performance, MAX_MATRIX_SIZE, "structures are found for")
+    plant, performance = scaled.plant, scaled.performance
     bends = corners(plant, uncertainty)
     bandwidth = bandwidth_of(plant, uncertainty, bends)
     youla = youla_blocks(central_blocks(plant, uncertainty), SPAN * float(bends.max()))
@@ -131,8 +136,17 @@ def structured_controllers(
             break
         before = best.get(structure.kind)
         if found is not None and (before is None or found.value < before.value):
-            best[structure.kind] = found
+            best[structure.kind] = _given_back(found, scaled)
     return sorted(best.values(), key=lambda each: each.value)
+
+
+def _given_back(found: StructuredController, scaled: OneScale) -> StructuredController:
+    """Return what it is on the plant as given: C = W diag(c_i) E^-1 = W E^-1 diag(c_i)."""
+    if (scaled.errors == 1).all():
+        return found
+    mixing = tuple(W / scaled.errors for W in found.mixing)
+    controller = found.controller and scaled.given_back(found.controller)
+    return replace(found, mixing=mixing, controller=controller)
 
 
 class _StructureSearch:

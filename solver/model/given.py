@@ -85,12 +85,12 @@ def require_fit(plant: Plant, uncertainty: Uncertainty, performance: Performance
         raise InvalidInputError(message, where)
 
 
-def require_alike(uncertainty: Uncertainty, performance: Performance, made: str) -> None:
-    """Refuse what only loops of one channel each can have: scales and errors of their own.
+def require_alike(uncertainty: Uncertainty, made: str) -> None:
+    """Refuse what only loops of one channel each can have: uncertainties of their own.
 
     Parameters
     ----------
-    uncertainty, performance : Uncertainty, Performance
+    uncertainty : Uncertainty
         The weights.
     made : str
         What messages begin with, as "the limit is found for".
@@ -101,9 +101,6 @@ def require_alike(uncertainty: Uncertainty, performance: Performance, made: str)
         So it is.
 
     """
-    if performance.unlike_outputs:
-        message = f"{made} outputs of one scale: divide the plant's rows by theirs"
-        raise InvalidInputError(message, "/performance/output_scale")
     if uncertainty.unlike_inputs:
         message = f"{made} inputs of one uncertainty"
         raise InvalidInputError(message, "/uncertainty")

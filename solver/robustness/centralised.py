@@ -17,8 +17,9 @@ from solver.model.errors import InvalidInputError
 from solver.model.frequencies import corners, resonances
 from solver.model.given import require_alike, require_weights
 from solver.model.mode_controller import ModeController
+from solver.model.one_scale import of_one_scale
 from solver.model.open_loop import require_supported
-from solver.model.plants import MatrixPlant, Plant
+from solver.model.plants import MAX_MATRIX_SIZE, MatrixPlant, Plant
 from solver.model.state_space import StateSpace
 from solver.model.validation import instance
 from solver.robustness.centralised_curves import (
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     from solver.model.blocks import LoopBlocks
     from solver.model.transfer_function import TransferFunction
     from solver.model.weights import Performance, Uncertainty
+    from solver.robustness.cross_check import CrossCheck
 
 __all__ = [
     "Centralised",
@@ -45,6 +47,7 @@ __all__ = [
     "centralised_poles",
 ]
 
+WHOLE = 6  # parallel units: half a second; ten are programs of ten seconds
 
 FullController = StateSpace | MatrixPlant | ModeController
 
@@ -56,7 +59,8 @@ class Centralised:
     `unstable_poles` counts those of the closed loop with a real part >= 0, `nominally_stable`
     says that there are none, and `warnings` what to look at twice. With any, `peaks`,
     `curves` and `guarantee` are None: mu has no meaning then. The guarantee is of the peak of
-    robust performance; None where no proof was asked for.
+    robust performance; None where no proof was asked for. `cross_check` is the bound at that peak
+    by semidefinite programming beside the kernel's; None where it was not asked for.
     """
 
     nominally_stable: bool
@@ -64,6 +68,7 @@ class Centralised:
     peaks: Peaks | None
     curves: Curves | None
     guarantee: Guarantee | None = None
+    cross_check: CrossCheck | None = None
     warnings: tuple[str, ...] = field(default=())
 
 
@@ -74,6 +79,7 @@ def analyse_centralised(
     controller: FullController,
     *,
     proof: bool = True,
+    cross_check: bool = False,
 ) -> Centralised:
     """Analyse a full controller.
 
@@ -87,25 +93,45 @@ def analyse_centralised(
         u = C e, e the set-point error. A mode controller is for a parallel plant.
     proof : bool
         Whether to prove the peak of robust performance over all frequencies, and the stability.
+    cross_check : bool
+        Whether to recompute the bound at that peak by semidefinite programming, up to
+        `WHOLE` parallel units as the matrix that they are.
 
     Raises
     ------
     InvalidInputError
-        No `tau_p`, unlike `output_scale` or uncertainty of the inputs, a controller of another
-        size than the plant, or with a pole on the imaginary axis other than s = 0.
+        No `tau_p`, unlike uncertainty of the inputs, unlike `output_scale` of more outputs than a
+        matrix has, a controller of another size than the plant, or with a pole on the imaginary
+        axis other than s = 0.
     UnsupportedPlantError
         The plant is open-loop unstable.
 
     """
     instance(plant, Plant, "/plant")
     require_weights(plant, uncertainty, performance)
-    require_alike(uncertainty, performance, "full controllers are analysed with")
+    require_alike(uncertainty, "full controllers are analysed with")
     instance(controller, FullController, "/controller")
     require_supported(plant)
+    _require_fit(plant, controller)
+    scaled = of_one_scale(plant, performance, MAX_MATRIX_SIZE, "full controllers are analysed with")
+    plant, performance = scaled.plant, scaled.performance
+    controller = scaled.taken(controller)
     blocks, controllers = _paired(plant, uncertainty, controller)
     for each in controllers:
         _require_covered(each)
-    return analyse_blocks(blocks, controllers, uncertainty, performance, proof=proof)
+    found = analyse_blocks(blocks, controllers, uncertainty, performance, proof=proof)
+    if not cross_check or found.peaks is None:
+        return found
+    # Here, since it brings cvxpy, which nothing else of an analysis needs.
+    from solver.robustness.cross_check import cross_check_full  # noqa: PLC0415
+
+    analysis = whole = CentralisedAnalysis(blocks, controllers, uncertainty, performance)
+    if isinstance(controller, ModeController) and plant.n <= WHOLE:
+        # Other matrices than the kernel was given: nothing is taken from the symmetry.
+        parts = _paired(MatrixPlant(plant.rows), uncertainty, controller.full(plant.n))
+        whole = CentralisedAnalysis(*parts, uncertainty, performance)
+    check = cross_check_full(analysis, whole, found.peaks.robust_performance)
+    return replace(found, cross_check=check)
 
 
 def analyse_blocks(
@@ -183,22 +209,25 @@ def centralised_poles(blocks: LoopBlocks, controllers: tuple[StateSpace | Matrix
     return min(total, INFINITELY_MANY)
 
 
-def _paired(
-    plant: Plant, uncertainty: Uncertainty, controller: FullController
-) -> tuple[LoopBlocks, tuple[StateSpace | MatrixPlant, ...]]:
+def _require_fit(plant: Plant, controller: FullController) -> None:
     if isinstance(controller, ModeController):
         if not plant.interchangeable:
             message = "a mode controller is for a parallel plant"
             raise InvalidInputError(message, "/controller")
-        both = (controller.total, controller.difference)
-        blocks = central_blocks(plant, uncertainty)
-        return blocks, both[: len(blocks.blocks)]
+        return
     size = controller.n if isinstance(controller, MatrixPlant) else controller.D.shape
     if size not in (plant.n, (plant.n, plant.n)):
         message = f"the controller must be {plant.n} x {plant.n}"
         raise InvalidInputError(message, "/controller")
-    matrix = MatrixPlant(plant.rows)
-    return central_blocks(matrix, uncertainty), (controller,)
+
+
+def _paired(
+    plant: Plant, uncertainty: Uncertainty, controller: FullController
+) -> tuple[LoopBlocks, tuple[StateSpace | MatrixPlant, ...]]:
+    if isinstance(controller, ModeController):
+        blocks = central_blocks(plant, uncertainty)
+        return blocks, (controller.total, controller.difference)[: len(blocks.blocks)]
+    return central_blocks(MatrixPlant(plant.rows), uncertainty), (controller,)
 
 
 def _require_covered(controller: StateSpace | MatrixPlant) -> None:

@@ -28,8 +28,9 @@ if TYPE_CHECKING:
     from solver.model.controllers import Controller
     from solver.model.plants import Plant
     from solver.model.weights import Performance, Uncertainty
+    from solver.robustness.centralised_curves import CentralisedAnalysis
 
-__all__ = ["MAX_CHANNELS", "CrossCheck", "cross_check", "cross_check_peaks"]
+__all__ = ["MAX_CHANNELS", "CrossCheck", "cross_check", "cross_check_full", "cross_check_peaks"]
 
 MAX_CHANNELS = 20  # of all blocks together: some seconds; the program grows with its sixth power
 PEAKS = 8  # highest ones; a second each for four different loops
@@ -73,16 +74,26 @@ def cross_check(analysis: LoopAnalysis, peak: Peak) -> CrossCheck:
         Too many different loops for a semidefinite program.
 
     """
-    channels = sum(block.size for block in analysis.blocks.blocks)
-    if channels > MAX_CHANNELS:
-        message = f"the check by semidefinite programming is for up to {MAX_CHANNELS} channels"
-        raise InvalidInputError(message, "/method")
-    omega = np.array([peak.omega])
-    N, structure = _stacked(analysis.blocks, [N[0] for N in analysis.matrices(omega)])
-    sdp = float(upper_bound(N[None], structure).mu[0])
-    kernel = float(analysis.robust_performance(omega)[0])
-    agree = abs(sdp - kernel) <= AGREEMENT * kernel
-    return CrossCheck(peak.omega, kernel, sdp, agree)
+    return _both(analysis, analysis, peak)
+
+
+def cross_check_full(
+    analysis: CentralisedAnalysis, whole: CentralisedAnalysis, peak: Peak
+) -> CrossCheck:
+    """Return the bound at the peak under a full controller by both methods.
+
+    Parameters
+    ----------
+    analysis : CentralisedAnalysis
+        Plant and controller as the kernel is given them.
+    whole : CentralisedAnalysis
+        The same plant and controller as semidefinite programming is given them: where they are
+        parallel, as matrices that need not be.
+    peak : Peak
+        The peak of robust performance.
+
+    """
+    return _both(analysis, whole, peak)
 
 
 def cross_check_peaks(
@@ -111,6 +122,24 @@ def cross_check_peaks(
     where, heights = local_peaks(curve, analysis.omega, curve(analysis.omega))
     highest = np.sort(np.argsort(heights)[::-1][:PEAKS])
     return [cross_check(analysis, Peak(float(heights[at]), float(where[at]))) for at in highest]
+
+
+def _both(
+    analysis: LoopAnalysis | CentralisedAnalysis,
+    programs: LoopAnalysis | CentralisedAnalysis,
+    peak: Peak,
+) -> CrossCheck:
+    """Return the bound of `analysis` by the kernel, that of `programs` by the other method."""
+    channels = sum(block.size for block in programs.blocks.blocks)
+    if channels > MAX_CHANNELS:
+        message = f"the check by semidefinite programming is for up to {MAX_CHANNELS} channels"
+        raise InvalidInputError(message, "/method")
+    omega = np.array([peak.omega])
+    N, structure = _stacked(programs.blocks, [N[0] for N in programs.matrices(omega)])
+    sdp = float(upper_bound(N[None], structure).mu[0])
+    kernel = float(analysis.robust_performance(omega)[0])
+    agree = abs(sdp - kernel) <= AGREEMENT * kernel
+    return CrossCheck(peak.omega, kernel, sdp, agree)
 
 
 def _stacked(

@@ -99,6 +99,21 @@ def test_a_result_of_a_full_controller_has_its_tables() -> None:
     assert ROBUSTNESS.table(result)
 
 
+@pytest.mark.parametrize("controller", [TRANSFER, STATE_SPACE, MODES], ids=lambda c: c["kind"])
+def test_the_bound_under_a_full_controller_is_checked_by_programs(
+    controller: dict[str, Any],
+) -> None:
+    """Both bounds at the peak are given and printed; without being asked for, neither is."""
+    document = robustness(controller=controller, method="sdp")
+    result = RobustnessResult.model_validate(document)
+    assert result.cross_check is not None
+    assert result.peaks is not None
+    assert result.cross_check.agree
+    assert result.cross_check.sdp == pytest.approx(result.peaks.robust_performance.value, rel=1e-5)
+    assert any("semidefinite" in str(part) for part in ROBUSTNESS.table(result))
+    assert robustness(controller=controller)["cross_check"] is None
+
+
 def test_an_unstable_full_controller_is_called_so() -> None:
     """A hundred times the gain: no peaks, the poles counted."""
     fast = {**STATE_SPACE, "D": [[2000.0, 0.0], [0.0, 1000.0]]}
@@ -112,7 +127,7 @@ def test_an_unstable_full_controller_is_called_so() -> None:
     ("request_", "field"),
     [
         ({"controller": STATE_SPACE, "loops": LOOPS}, "/loops"),
-        ({"controller": STATE_SPACE, "method": "sdp"}, "/method"),
+        ({"controller": STATE_SPACE, "omega": [0.1]}, "/omega"),
         ({"controller": {**STATE_SPACE, "B": [[1.0], [0.0]]}}, "/controller/B"),
         ({"controller": {"kind": "transfer_matrix", "elements": [[ZERO]]}}, "/controller"),
         ({}, "/loops"),

@@ -163,19 +163,6 @@ def test_parallel_plant_with_dead_time_and_feedthrough() -> None:
     ).nominally_stable
 
 
-def test_unlike_permitted_errors_are_refused():
-    """The analysis takes one performance weight for all outputs; it does not drop the others."""
-    plant = mutune.first_order(2, gain=1, time_constant=100, interaction=0.5)
-    channel = mutune.StateSpace([[0.0]], [[1.0]], [[0.1]], [[1.0]])
-    demand = mutune.Performance(tau_p=100, output_scale=(1.0, 2.0))
-    with pytest.raises(mutune.InvalidInputError) as error:
-        mutune.analyse_centralised(
-            plant, mutune.Uncertainty.from_error(0.2, 1), demand,
-            mutune.ModeController(channel, channel),
-        )  # fmt: skip
-    assert error.value.field == "/performance/output_scale"
-
-
 def test_an_empty_matrix_stands_for_no_states_alone():
     """One that is forgotten is not taken for zeros."""
     assert mutune.StateSpace([], [], [], [[2.0]]).states == 0

@@ -406,6 +406,28 @@ def _check(found, gain, lag, tau_p) -> float:
     return peak
 
 
+@pytest.mark.parametrize(
+    ("plant", "tau_p"),
+    [(SEED, None), (INTEGRATING, None), (COLUMN, 10.0)],
+    ids=["parallel", "integrating", "column"],
+)
+def test_semidefinite_programs_confirm_the_built_controllers(
+    plant: Plant, tau_p: float | None
+) -> None:
+    """The bound at the peak by cvxpy and Clarabel; two units as the matrix that they are."""
+    realised = (_column() if plant is COLUMN else limit(plant)).realised
+    assert realised is not None
+    found = analyse_centralised(
+        plant, UNCERTAINTY, Performance(tau_p=realised.tau_p if tau_p is None else tau_p),
+        realised.controller, proof=False, cross_check=True,
+    )  # fmt: skip
+    assert found.cross_check is not None
+    assert found.peaks is not None
+    assert found.cross_check.kernel == pytest.approx(found.peaks.robust_performance.value, rel=1e-9)
+    assert found.cross_check.agree
+    assert found.cross_check.sdp == pytest.approx(found.cross_check.kernel, rel=1e-6)
+
+
 def test_lower_bound_names_what_limits() -> None:
     """Dead time, a zero in the right half plane, uncertainty; the point proves it."""
     dead = lower_bound(first_order(2, 1.0, 100.0, 0.9, 5.0), UNCERTAINTY, Performance())
