@@ -28,7 +28,7 @@ import numpy as np
 
 from solver.interaction.zeros import transmission_zeros
 from solver.limits.search import least_tau_p
-from solver.model.frequencies import corners, grid
+from solver.model.frequencies import corners, grid, resonances_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -41,6 +41,7 @@ __all__ = ["Limitation", "LowerBound", "lower_bound", "unlimited"]
 
 POINTS_PER_DECADE = 60  # any point is a certificate; more of them give a slightly better one
 ROUNDING = 1e-6  # of an element beside its zero: what a double zero, known to 8 digits, leaves
+REAL = 1e-6  # of a root: its imaginary part where two are one but for rounding
 FAR = 700.0  # exponents beyond this overflow, and are far above any weight
 
 
@@ -134,7 +135,9 @@ def _points(plant: Plant, uncertainty: Uncertainty) -> _Points:
     w_I = _outer(uncertainty.weight_of(0), z)
     by_dead_time = np.exp(np.minimum(common * z.real, FAR))
     zeros = {zero.value for zero in transmission_zeros(plant).zeros if zero.right_half_plane}
-    inside = np.array([zero for zero in zeros if zero.real > 0], dtype=complex)
+    # A zero on the axis is such a frequency; at s = 0 the plant would be singular.
+    points = np.array([zero for zero in zeros if zero != 0], dtype=complex)
+    inside = points[points.real > 0]
     by_zeros = np.ones(z.shape)
     for zero in inside[_shared(plant, inside)]:
         with np.errstate(divide="ignore"):  # at the zero itself T = 0
@@ -149,9 +152,9 @@ def _points(plant: Plant, uncertainty: Uncertainty) -> _Points:
         for dead, zero in zip(by_dead_time, by_zeros, strict=True)
     ]
     return _Points(
-        np.concatenate([z, inside]),
-        np.concatenate([ceiling, np.full(inside.size, np.inf)]),
-        (*limitation, *[Limitation.ZERO] * inside.size),
+        np.concatenate([z, points]),
+        np.concatenate([ceiling, np.full(points.size, np.inf)]),
+        (*limitation, *[Limitation.ZERO] * points.size),
     )
 
 
@@ -167,7 +170,33 @@ def _shared(plant: Plant, zeros: NDArray[np.complex128]) -> NDArray[np.bool_]:
 
 def _grid(plant: Plant, uncertainty: Uncertainty) -> NDArray[np.float64]:
     bends = corners(plant, uncertainty)
-    return grid(1e-3 * float(bends.min()), 1e3 * float(bends.max()), POINTS_PER_DECADE)
+    axis = grid(
+        1e-3 * float(bends.min()),
+        1e3 * float(bends.max()),
+        POINTS_PER_DECADE,
+        [bends, resonances_of(uncertainty.weights)],
+    )
+    return np.union1d(axis, np.concatenate([_about_one(each) for each in uncertainty.weights]))
+
+
+def _about_one(weight: TransferFunction) -> NDArray[np.float64]:
+    """Frequencies where |w_I| passes 1, and one on either side and between any two of them."""
+    squares = [np.polymul(part, _reversed(part)) for part in (weight.num, weight.den)]
+    # num(s) num(-s) - den(s) den(-s), even in s: a polynomial in s^2 = -omega^2.
+    roots = np.roots(np.polysub(*squares)[::2])
+    passed = np.sqrt([-root.real for root in roots if abs(root.imag) < REAL * -root.real])
+    if not passed.size:
+        return passed
+    passed.sort()
+    return np.concatenate(
+        [passed, passed[:1] / 2, np.sqrt(passed[1:] * passed[:-1]), passed[-1:] * 2]
+    )
+
+
+def _reversed(polynomial: tuple[float, ...]) -> NDArray[np.float64]:
+    """Return p(-s) of p(s)."""
+    signs = np.power(-1.0, np.arange(len(polynomial) - 1, -1, -1))
+    return np.asarray(signs * polynomial)
 
 
 def _outer(weight: TransferFunction, z: NDArray[np.complex128]) -> NDArray[np.float64]:

@@ -16,7 +16,7 @@ from solver.limits.basis import Basis
 from solver.limits.ending import EnoughError
 from solver.limits.programs import AffineBlock, convex_step
 from solver.limits.youla import youla_blocks
-from solver.model.frequencies import corners, grid, resonances
+from solver.model.frequencies import corners, grid, resonances_of
 from solver.model.peaks import local_peaks
 from solver.model.transfer_function import LARGEST
 from solver.robustness.centralised_curves import central_blocks
@@ -186,7 +186,7 @@ class LimitSearch:
         # The weak directions of a plant can be held only after the strong ones have settled.
         low = min(low, 0.1 * self.bandwidth / math.sqrt(self._spread()))
         self.range = low, high
-        extra = [resonances(plant), bends]
+        extra = [resonances_of((*plant.elements, *uncertainty.weights)), bends]
         density = POINTS_PER_DECADE if self.scalar else MATRIX_POINTS
         self.omega = grid(low / 200, 30 * high, density, extra)
 

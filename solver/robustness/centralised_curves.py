@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.model.blocks import reduce
-from solver.model.frequencies import corners, grid, low_end, resonances
+from solver.model.frequencies import corners, grid, low_end, resonances_of
 from solver.model.peaks import highest, slices
 from solver.model.state_space import StateSpace
 from solver.mu.scaling import upper_bound
@@ -78,7 +78,8 @@ class CentralisedAnalysis:
         """Dense grid over the whole axis: both ends lie where the curves are at their limits."""
         lowest = float(self.bends.min())
         low = low_end(self.robust_performance, 1e-4 * lowest, LOWEST * lowest)
-        extra = [resonances(self.blocks.plant), self.bends]
+        functions = (*self.blocks.plant.elements, *self.uncertainty.weights)
+        extra = [resonances_of(functions), self.bends]
         return grid(low, 1e3 * self.bends.max(), POINTS_PER_DECADE, extra)
 
     def matrices(self, omega: NDArray[np.float64]) -> list[NDArray[np.complex128]]:

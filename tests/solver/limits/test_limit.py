@@ -13,7 +13,7 @@ from ctrlsys import ab13md
 
 from solver.limits import multivariable, search
 from solver.limits.ending import EnoughError
-from solver.limits.lower_bound import Limitation, lower_bound
+from solver.limits.lower_bound import Limitation, lower_bound, unlimited
 from solver.limits.multivariable import multivariable_limit
 from solver.limits.record import Limit, LimitStatus, Realised
 from solver.limits.search import Found, LimitSearch
@@ -508,6 +508,39 @@ def test_what_has_no_limit_says_so() -> None:
     assert found.value is None
     assert found.reason is not None
     assert found.lower_bound.value == 0
+
+
+@pytest.mark.parametrize(
+    ("weight", "passes"),
+    [
+        # |w_I| = 5 within 2e-5 of 3000 rad: no logarithmic grid meets that.
+        (TransferFunction([0.5, 0.3, 4.5e6], [1, 0.06, 9e6]), 3000.0),
+        # It passes 1 beyond a thousand times its bends.
+        (TransferFunction([1.0000001, 0.1], [1, 1]), math.sqrt(0.99 / 2.0000001e-7)),
+    ],
+)
+def test_a_weight_that_passes_1_where_no_grid_looks_is_a_limit(
+    weight: TransferFunction, passes: float
+) -> None:
+    """No loop is faster than the frequency at which |w_I| exceeds 1, however narrow or far."""
+    plant, uncertainty = first_order(1, 1.0, 10.0, 0.0), Uncertainty(weight)
+    assert not unlimited(plant, uncertainty)
+    bound = lower_bound(plant, uncertainty, Performance())
+    assert bound.point is not None
+    z = bound.point
+    w_I = np.polyval(weight.num, z) / np.polyval(weight.den, z)
+    assert abs(w_I) >= 1
+    assert abs(0.5 * (1 + 1 / (bound.value * z))) >= 1
+    # |w_P(j omega)| = 1 where omega tau_P = 1/sqrt(3).
+    assert 0.45 / math.sqrt(3) / passes < bound.value < 1.1 / math.sqrt(3) / passes
+
+
+def test_a_zero_on_the_axis_is_a_bound() -> None:
+    """A mode without response at 1 rad has S = 1 there: |w_P(j)| <= 1 takes tau_P = 1/sqrt(3)."""
+    notch = ParallelPlant(1, TransferFunction([1, 0, 1], [1, 3, 3, 1]), TransferFunction([0], [1]))
+    bound = lower_bound(notch, Uncertainty.from_error(0.2, 0.0), Performance())
+    assert bound.value == pytest.approx(1 / math.sqrt(3), rel=1e-5)
+    assert bound.limitation is Limitation.ZERO
 
 
 def test_what_nothing_can_hold_is_infeasible() -> None:
