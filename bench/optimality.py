@@ -1,7 +1,8 @@
 """How near is the proven lower bound, and what does it cost? ``python -m bench.optimality [s]``.
 
 The plants of SLH tables 1 and 3 and others, with dead time or many units, with identical PI
-settings and with two different ones. Every proof gets at most `s` CPU seconds.
+settings and with two different ones; then the least peak of mu at tau_P = 10 and 30. Every proof
+gets at most `s` CPU seconds.
 """
 
 import sys
@@ -41,12 +42,14 @@ GROUPS = {
 }
 
 
-def measure(name, plant, limit, arrangement, sizes=None, uncertainty=USUAL):
+def measure(name, plant, limit, arrangement, sizes=None, uncertainty=USUAL, tau_p=None):
     """Tune, prove for at most `limit` CPU seconds, and print a line."""
     specification = Specification(
-        plant, uncertainty, Performance(), arrangement=arrangement, group_sizes=sizes
-    )
-    tau_p = tune(specification).tau_p
+        plant, uncertainty, Performance(tau_p=tau_p), arrangement=arrangement, group_sizes=sizes,
+        objective="tau_p" if tau_p is None else "mu",
+    )  # fmt: skip
+    result = tune(specification)
+    value = result.tau_p if tau_p is None else result.peaks.robust_performance.value
     search = GroupingSearch(
         specification,
         Freedom.usual(specification, groupings(specification)[0]),
@@ -61,12 +64,12 @@ def measure(name, plant, limit, arrangement, sizes=None, uncertainty=USUAL):
         if time.process_time() - started > limit:
             raise Cancelled
 
-    bound = BranchAndBound(search.problem, peaks=peaks, tau_p=tau_p)
+    bound = BranchAndBound(search.problem, peaks=peaks, value=value)
     with suppress(Cancelled):
         bound.run(checkpoint)
     proof = bound.result()
     print(
-        f"| {name} | {tau_p:.5g} | {proof.lower_bound:.5g} | {100 * proof.gap:.3g} % "
+        f"| {name} | {value:.5g} | {proof.lower_bound:.5g} | {100 * proof.gap:.3g} % "
         f"| {proof.boxes} | {time.process_time() - started:.2f} |",
         flush=True,
     )
@@ -90,6 +93,21 @@ def main():
     measure("column", COLUMN, limit, arrangement)
     for name, (plant, sizes) in GROUPS.items():
         measure(name, plant, limit, Arrangement.GROUPED, sizes)
+    least_peaks(limit)
+
+
+def least_peaks(limit):
+    """Print a line a case with the objective mu."""
+    for arrangement in (Arrangement.IDENTICAL, Arrangement.INDEPENDENT):
+        print(f"mu, {arrangement}")
+        for tau_p in (10, 30):
+            for tau in (10, 100):
+                for a in (0, 0.827, 0.949, 0.984, 0.995):
+                    name, plant = f"tau = {tau}, a = {a}", first_order(2, 1, tau, a)
+                    measure(f"{name}: {tau_p}", plant, limit, arrangement, tau_p=tau_p)
+        measure("column: 10", COLUMN, limit, arrangement, tau_p=10)
+    for name, (plant, sizes) in GROUPS.items():
+        measure(f"{name}: 30", plant, limit, Arrangement.GROUPED, sizes, tau_p=30)
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from service.schemas.peaks import Guarantee, Peaks
-from service.schemas.tunings import Optimality, TuningResult
+from service.schemas.tunings import TuningResult
 from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError
 
@@ -112,17 +112,19 @@ def spread_lines(result: TuningResult) -> list[str]:
     return said
 
 
-def optimality_text(proof: Optimality | None) -> str | None:
-    """Return in one sentence how far tau_P is from the least possible one; None if not asked."""
+def optimality_text(result: TuningResult) -> str | None:
+    """Return in one sentence how far the least possible value is; None if not asked."""
+    proof = result.optimality
     if proof is None:
         return None
+    sought = "τP" if result.objective == "tau_p" else "peak of μ"
     if not proof.lower_bound:
-        return "How far from the least possible τP: nothing was proven in the time."
+        return f"How far from the least possible {sought}: nothing was proven in the time."
     ended = "" if proof.status == "reached" else " in the time"
     gap = proof.gap or 0.0
     least = f"{number(proof.lower_bound)}, {100 * gap:.3g} % less than here"
     return (
-        f"Proven{ended}: no settings in such groups and within the bounds reach a τP below "
+        f"Proven{ended}: no settings in such groups and within the bounds reach a {sought} below "
         f"{least if gap >= NO_LESS else 'the one here'}."
     )
 

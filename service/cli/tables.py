@@ -193,7 +193,7 @@ def _search(search: SearchSummary) -> str:
 
 def _sentences(result: TuningResult) -> Iterator[str]:
     """Yield how good the settings are among others, and what happens with loops in manual."""
-    optimality = optimality_text(result.optimality)
+    optimality = optimality_text(result)
     if optimality is not None:
         yield optimality
     if result.limit is not None:

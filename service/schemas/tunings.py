@@ -109,9 +109,9 @@ class Search(RequestModel):
     )
     optimality_gap: bool = Field(
         default=False,
-        description="Whether to prove how far tau_p is from the least possible one, in what the "
-        "search leaves of the time limit. For the objective tau_p, PI with at most two different "
-        "controllers or PID with identical ones; a matrix plant has at most two units.",
+        description="Whether to prove how far the objective is from the least possible one, in "
+        "what the search leaves of the time limit. For PI with at most two different controllers "
+        "or PID with identical ones; a matrix plant has at most two units.",
         examples=[False],
     )
     limit: bool = Field(
@@ -351,15 +351,17 @@ class Comparison(ResultModel):
 
 
 class Optimality(ResultModel):
-    """A proven lower bound of tau_p."""
+    """A proven lower bound of tau_p, or of the peak of mu where that is the objective."""
 
     lower_bound: float | None = Field(
         description="No settings within the parameter bounds, with as many different controllers, "
-        "meet the demand at a smaller tau_p; 0: nothing is proven.",
+        "meet the demand at a smaller tau_p, or have a smaller peak of mu at the given tau_p; 0: "
+        "nothing is proven.",
         examples=[25.75],
     )
     gap: float | None = Field(
-        description="1 - lower_bound/tau_p: the greatest share by which tau_p may still fall.",
+        description="1 - lower_bound/tau_p, or over the peak of mu: the greatest share by which it "
+        "may still fall.",
         examples=[0.001],
     )
     goal: float = Field(description="The gap at which the proof ends.", examples=[0.001])
@@ -457,7 +459,7 @@ class TuningResult(IdentifiedResult, ResultModel):
         description="Proof for all frequencies, where asked for.", examples=[None]
     )
     optimality: Optimality | None = Field(
-        description="How far tau_p is from the least possible one, where asked for.",
+        description="How far the objective is from the least possible one, where asked for.",
         examples=[None],
     )
     limit: Alternatives | None = Field(

@@ -64,7 +64,7 @@ function headline({ result, status, request: asked }) {
     h("p", {}, h("strong", { class: "big" }, number(value)), " ", unit),
     h("p", {}, what, " for every plant within the uncertainty."),
     CUT[status] && h("p", { class: "doubt" }, CUT[status], " A whole search may find better ones."),
-    result.comparison && gain(result), result.optimality && limit(result.optimality),
+    result.comparison && gain(result), result.optimality && limit(result),
     result.limit && h("ul", {}, result.limit.verdict.split("\n").map((line) => h("li", {}, plain(line))),
       byTime && h("li", {}, `Times in ${timeUnit()}.`)),
     guaranteed(result.guarantee, asked.instruments), scenarios(result, asked.instruments),
@@ -105,11 +105,11 @@ function guaranteed(guarantee, signals) {
     : `Not proven over all frequencies: ${said(guarantee.reason, signals)}`);
 }
 
-/** How much better any settings can be. @param {any} proof */
-function limit({ lower_bound: least, gap, status }) {
+/** How much better any settings can be. @param {any} result */
+function limit({ objective, optimality: { lower_bound: least, gap, status } }) {
   if (!least) return help("How far from the best possible one: nothing was proven in the time.");
   return h("p", {}, h("strong", {}, `Proven${status === "reached" ? "" : " in the time"}:`),
-    ` no settings in such groups and within the bounds go below ${timed(least)},`,
+    ` no settings in such groups and within the bounds go below ${objective === "tau_p" ? timed(least) : number(least)},`,
     ` ${number(100 * gap, 3)} % less than here.`);
 }
 

@@ -1,4 +1,4 @@
-"""Lower bound of tau_P by branch and bound over the settings, best box first.
+"""Lower bound of tau_P, or of mu, by branch and bound over the settings, best box first.
 
 A box of settings is excluded at a target where conditions at finitely many points, each of which
 every stable tuning that meets the demand satisfies, leave nothing of it
@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import heapq
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -17,6 +18,7 @@ import numpy as np
 from solver.optimality.conditions import Conditions, cone, robust_limits
 from solver.optimality.record import Optimality, Proof
 from solver.optimality.samples import samples
+from solver.optimality.settings_box import Demand
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -56,8 +58,8 @@ class BranchAndBound:
         What was tuned. Its frequencies are used, and those between them.
     peaks : (p,)
         Where the tuned settings just meet the demand.
-    tau_p : float
-        The tuned value.
+    value : float
+        The tuned one, of tau_P or mu.
     goal : float
         The gap at which the proof ends, 0..1.
 
@@ -68,7 +70,7 @@ class BranchAndBound:
         problem: SettingsProblem,
         *,
         peaks: NDArray[np.float64],
-        tau_p: float,
+        value: float,
         goal: float = GOAL,
     ) -> None:
         blocks, omega = problem.blocks, problem.omega
@@ -76,15 +78,20 @@ class BranchAndBound:
         axis = np.unique(np.concatenate(dense))
         s = np.concatenate([1j * axis, np.outer(axis[::EVERY], RAYS).ravel()])
         known = samples(blocks, problem.uncertainty, s)
+        performance = problem.performance
+        demand = Demand(performance.max_peak, performance.offset, performance.tau_p or 0.0)
+        target = math.log(value) + math.log(1 - goal)
+        if performance.tau_p is not None:  # mu <= gamma: of N/gamma at most 1
+            known = replace(known, u=known.u * math.exp(-2 * target))
         low, high = np.exp(problem.low) * (1 - OUTWARD), np.exp(problem.high) * (1 + OUTWARD)
         # Of each controller k and tau_I; then k and k/tau_I. Behind them tau_D, if there is one.
         own = low.size // problem.signs.size
         shortest, longest = low[1::own].copy(), high[1::own].copy()
         low[1::own], high[1::own] = low[::own] / longest, high[::own] / shortest
-        self._tau_p, self._goal = tau_p, goal
+        self._value, self._goal = value, goal
         self._conditions = Conditions(
-            blocks, known, problem.performance, problem.signs,
-            math.log(tau_p) + math.log(1 - goal), cone(blocks, shortest, longest, own),
+            blocks, known, demand, problem.signs, target,
+            cone(blocks, shortest, longest, own),
         )  # fmt: skip
         low, high = low * (1 - OUTWARD), high * (1 + OUTWARD)
         leads = np.stack([low[2::own], high[2::own]], axis=1) if own == 3 else np.empty((0, 2))
@@ -113,7 +120,7 @@ class BranchAndBound:
         bound = math.exp(s) * (1 - 1e-9)
         return Optimality(
             lower_bound=bound,
-            gap=1 - bound / self._tau_p,
+            gap=1 - bound / self._value,
             goal=self._goal,
             status=Proof.STOPPED if self._open else Proof.REACHED,
             boxes=self._boxes,

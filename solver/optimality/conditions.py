@@ -10,13 +10,12 @@ import numpy as np
 from solver.model.controllers import DERIVATIVE_FILTER
 from solver.mu.scaling import sweep
 from solver.optimality.cuts import NU, Cuts, cuts
-from solver.optimality.settings_box import demands, narrow
+from solver.optimality.settings_box import Demand, demands, narrow
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from solver.model.blocks import LoopBlocks
-    from solver.model.weights import Performance
     from solver.optimality.samples import Samples
 
 __all__ = ["Conditions", "Examination", "cone", "robust_limits"]
@@ -34,7 +33,7 @@ class Examination:
     Attributes
     ----------
     s : float
-        Lower bound of s = log tau_P over the box.
+        Lower bound of s, the logarithm of what is sought, over the box.
     split : int or None
         The variable to cut it in; None where the box is excluded.
     low, high : (m,)
@@ -60,9 +59,9 @@ class Conditions:
     blocks : LoopBlocks
         Plant and grouping.
     samples : Samples
-        The points.
-    performance : Performance
-        M and A of the demand.
+        The points; where mu is sought, with u over mu^2 at the target.
+    demand : Demand
+        What s makes of the demand.
     signs : (controllers,)
         Sign of each gain.
     target : float
@@ -74,7 +73,7 @@ class Conditions:
 
     blocks: LoopBlocks
     samples: Samples
-    performance: Performance
+    demand: Demand
     signs: NDArray[np.float64]
     target: float
     cone: NDArray[np.float64]
@@ -105,7 +104,6 @@ class Conditions:
             high = np.minimum(high, limits)
             if (high < low).any():
                 return Examination(self.target, None, low, high, used)
-        max_peak, offset = self.performance.max_peak, self.performance.offset
         v, s = np.sqrt(low * high), known
         y = np.zeros((used.size, self.blocks.n_scales))
         found: list[Cuts] = []
@@ -113,7 +111,7 @@ class Conditions:
         for _ in range(ROUNDS):
             points, G, u = self.samples.s[used], self.samples.G[used], self.samples.u[used]
             rows = np.repeat(u[:, None], G.shape[1], axis=1)
-            p = demands(self.target, points, max_peak, offset)
+            p = demands(self.target, points, self.demand)
             # Of |E Z - G v| at |c| = 1: |v| <= sqrt(u) |c Z|.
             reach = self.samples.size[used] * (1 + np.sqrt(u))
             c = self._controllers(v, points)
@@ -127,9 +125,8 @@ class Conditions:
             )
             middle, half = 0.5 * (low + high), 0.5 * (high - low)
             excluded, s, e, room = narrow(
-                low, high, cut, p, points, reach, self.signs, self.cone, max_peak, offset,
-                self.target, s,
-            )  # fmt: skip
+                low, high, cut, p, points, reach, self.signs, self.cone, self.demand, self.target, s
+            )
             if excluded:
                 return Examination(self.target, None, low, high, used)
             v = np.clip(middle + half * e, low, high)

@@ -30,15 +30,16 @@ class Proof(StrEnum):
 
 @dataclass(frozen=True)
 class Optimality:
-    """A proven lower bound of tau_P.
+    """A proven lower bound of tau_P, or of mu where that is sought.
 
     Attributes
     ----------
     lower_bound : float
         No settings within the parameter bounds of the search, with as many different controllers,
-        meet the demand at a smaller tau_P (time units). 0 where nothing is proven.
+        meet the demand at a smaller tau_P (time units), or have a smaller peak of mu at the given
+        tau_P. 0 where nothing is proven.
     gap : float
-        1 - lower_bound/tau_P: the greatest share by which tau_P may still fall.
+        1 - lower_bound over tau_P, or mu: the greatest share by which it may still fall.
     goal : float
         The gap at which the proof ends.
     status : Proof
@@ -69,7 +70,7 @@ class SettingsProblem:
     uncertainty : Uncertainty
         Input uncertainty.
     performance : Performance
-        M and A of the demand; its tau_P is what is sought.
+        M and A of the demand; with a tau_P the least peak of mu is sought, without one tau_P.
     signs : (controllers,)
         Sign of each gain.
     low, high : (2 controllers,) or (3,)

@@ -7,6 +7,7 @@ no matter to the proof.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,39 +15,57 @@ from solver.mu.workspace import compiled
 from solver.optimality.enclosure import ROUNDING, least_length, linearise
 from solver.optimality.infeasibility import least_weights
 
-__all__ = ["demands", "narrow", "weighted"]
+__all__ = ["Demand", "demands", "narrow", "weighted"]
 
 HALVINGS = 40
 LOWEST = -60.0  # s of no interest below
 
 
-@compiled
-def demands(s, points, max_peak, offset):
-    """|w_P|^2 at `points` (k,) of the closed right half plane, for tau_P = e^s, less its rounding.
+class Demand(NamedTuple):
+    """What s makes of the demand: the logarithm of tau_P, or of mu at a given tau_P.
 
-    It falls in s there: log |(1 + z)/(1 + r z)| rises with |z| for Re z >= 0 and 0 <= r < 1, here
-    z = 1/(tau_P point) and r = A/M.
+    Attributes
+    ----------
+    max_peak, offset : float
+        M and A of w_P.
+    tau_p : float
+        Its tau_P where mu is sought; 0 where tau_P is.
+
+    """
+
+    max_peak: float
+    offset: float
+    tau_p: float
+
+
+@compiled
+def demands(s, points, demand):
+    """|w_P|^2, over mu^2 = e^2s where mu is sought, less its rounding, (k,).
+
+    `points` (k,) are in the closed right half plane. It falls in s there, for tau_P = e^s too: log
+    |(1 + z)/(1 + r z)| rises with |z| for Re z >= 0 and 0 <= r < 1, here z = 1/(tau_P point) and
+    r = A/M.
     """
     p = np.empty(points.size)
     for k in range(points.size):
-        p[k] = _demand(s, points[k], max_peak, offset)
+        p[k] = _demand(s, points[k], demand)
     return p
 
 
 @compiled
-def _demand(s, at, max_peak, offset):
-    tau = math.exp(s)
+def _demand(s, at, demand):
+    tau, level = math.exp(s), 1.0
+    if demand.tau_p > 0.0:
+        tau, level = demand.tau_p, tau * tau
     real, imag = tau * at.real, tau * at.imag
     above = (real + 1.0) * (real + 1.0) + imag * imag
-    below = real + offset / max_peak
-    square = max_peak * max_peak * (below * below + imag * imag)
+    below = real + demand.offset / demand.max_peak
+    square = level * demand.max_peak * demand.max_peak * (below * below + imag * imag)
     return above / square * (1.0 - ROUNDING)
 
 
 @compiled
-def narrow(
-    low, high, cut, p, points, reach, signs, cone, max_peak, offset, target, known
-):  # fmt: skip
+def narrow(low, high, cut, p, points, reach, signs, cone, demand, target, known):
     """Exclude a box, or tell what is possible in it.
 
     Parameters
@@ -55,8 +74,8 @@ def narrow(
         The box, > 0; tightened in place to what each condition leaves.
     cut, p, points, reach, signs, cone
         As in `linearise`, at the target.
-    max_peak, offset : float
-        M, A of w_P.
+    demand : Demand
+        What s makes of the demand.
     target, known : float
         s to be excluded, and a lower bound of s over the box.
 
@@ -94,7 +113,7 @@ def narrow(
         if w[k] > 0.0:
             norm, sizes = cut.norm[at, turn], cut.size[at, turn]
             share[k] = w[k] * least_length(low, high, points[at], norm, sizes, signs)
-    s = _excluded_up_to(rest, p, points, share, max_peak, offset, target, known)
+    s = _excluded_up_to(rest, p, points, share, demand, target, known)
     excluded = not _tighten(low, high, total, rounding, bends)
     return excluded, target if excluded else s, e, room
 
@@ -118,10 +137,11 @@ def weighted(w, bends, total):
 
 
 @compiled
-def _excluded_up_to(rest, p, points, share, max_peak, offset, target, known):
+def _excluded_up_to(rest, p, points, share, demand, target, known):
     """Greatest s up to `target` that the weights exclude from the box, at least `known`.
 
-    Only the demand depends on s: what a condition lacks is share (p(s)/p - 1) more.
+    Of the conditions at the target, which hold below it, only the demand depends on s: what one
+    lacks is share (p(s)/p - 1) more.
     """
     lowest, highest = max(known, LOWEST), target
     for turn in range(HALVINGS):
@@ -130,7 +150,7 @@ def _excluded_up_to(rest, p, points, share, max_peak, offset, target, known):
         for k in range(share.size):
             if share[k] > 0.0:
                 point = k // (share.size // points.size)
-                more = _demand(middle, points[point], max_peak, offset) / p[point]
+                more = _demand(middle, points[point], demand) / p[point]
                 value += share[k] * (1.0 - more * (1.0 - ROUNDING))
         if value < 0.0:
             lowest = middle

@@ -32,6 +32,8 @@ from solver.tuning.record import (
 from solver.tuning.rounded import rounded, too_coarse
 from solver.tuning.scenario_outcomes import binding, of_spread, overall, scenario_outcomes
 from solver.tuning.settle import Settled, settled
+from solver.tuning.specification import Objective
+from solver.tuning.spread_proof import proven_spread
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -49,8 +51,7 @@ if TYPE_CHECKING:
     from solver.tuning.groupings import Groups
     from solver.tuning.search import GroupingSearch
     from solver.tuning.solutions import Solution, Solutions
-from solver.tuning.specification import Specification
-from solver.tuning.spread_proof import proven_spread
+    from solver.tuning.specification import Specification
 
 __all__ = ["infeasible", "report"]
 
@@ -365,15 +366,17 @@ def _summary(specification: Specification, search: GroupingSearch, clock: Clock)
 def _optimality(
     specification: Specification, solutions: Solutions, end: Settled, clock: Clock
 ) -> Optimality | None:
-    if not specification.optimality_gap or end.performance.tau_p is None:
+    if not specification.optimality_gap:
         return None
     from solver.optimality.bound import BranchAndBound  # noqa: PLC0415 - few tunings ask for it
 
     # The grouping that permits most; 'best' may have kept identical settings.
     searches = [each for each in solutions.searches if each.freedom.kind is specification.kind]
     search = max(searches, key=lambda each: len(each.groups))
-    tau_p = end.performance.tau_p
-    bound = BranchAndBound(search.problem, peaks=end.candidate.peaks[0], tau_p=tau_p)
+    value = end.performance.tau_p
+    if value is None or specification.objective is Objective.MU:
+        value = end.peaks.robust_performance.value
+    bound = BranchAndBound(search.problem, peaks=end.candidate.peaks[0], value=value)
     try:
         return bound.run(clock.tick)
     except OutOfTimeError:  # the search was not cut short: what is proven is enough

@@ -199,9 +199,8 @@ class Specification:
     as_found : tuple of Controller or None
         Today's settings, one loop a unit, of any kind: the result tells what they do.
     optimality_gap : bool
-        Whether to prove how far tau_P is from the least possible one. For the objective TAU_P, PI
-        with at most two different controllers or PID with one; a matrix plant has at most two
-        units.
+        Whether to prove how far the objective is from the least possible one. For PI with at most
+        two different controllers or PID with one; a matrix plant has at most two units.
 
     """
 
@@ -531,9 +530,6 @@ class Specification:
         where = "/search/optimality_gap"
         if self.kind not in {ControllerKind.PI, ControllerKind.PID}:
             message = "the optimality gap is proven for PI and PID only; tune those too to compare"
-            raise InvalidInputError(message, where)
-        if self.objective is not Objective.TAU_P:
-            message = "the optimality gap is proven for the objective tau_p only"
             raise InvalidInputError(message, where)
         if self.scenarios or self.spread is not None:
             message = "the optimality gap is proven for one plant, without scenarios or spread"

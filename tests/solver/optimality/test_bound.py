@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize
 from zoo import COLUMN, SLH, USUAL
 
 from solver.model.errors import Cancelled, InvalidInputError
@@ -23,7 +24,6 @@ from solver.tuning.specification import (
     Arrangement,
     Bounds,
     ControllerKind,
-    Objective,
     Specification,
 )
 from solver.tuning.tuner import tune
@@ -140,17 +140,57 @@ def test_a_claim_that_is_too_good_is_refused():
     """A tau_P above the optimum cannot be proven least: 25.773 can be had."""
     search = search_of(task(SLH))
     peaks = np.array([0.02, 1.5])
-    bound = BranchAndBound(search.problem, peaks=peaks, tau_p=25.9, goal=0.004)
+    bound = BranchAndBound(search.problem, peaks=peaks, value=25.9, goal=0.004)
     proof = run(bound, 150)
     assert proof.status is Proof.STOPPED
     assert proof.lower_bound <= 25.7731
+
+
+def test_the_least_peak_of_one_loop_is_that_of_its_closed_form():
+    """With one unit mu is |w_I T| + |w_P S|; the least of its peaks is within the proven gap."""
+    demand = Performance(tau_p=8)
+    proof = tune(
+        task(first_order(1, 1, 10, 0, 2), performance=demand, objective="mu", optimality_gap=True)
+    ).optimality
+    s = 1j * np.geomspace(1e-3, 30, 800)
+    g, w_I, w_P = np.exp(-2 * s) / (10 * s + 1), (s + 0.2) / (0.5 * s + 1), demand.weight(s)
+
+    def peak(theta):
+        k, tau_i = np.exp(theta)
+        L = g * k * (1 + 1 / (tau_i * s))
+        return ((np.abs(w_I * L) + np.abs(w_P)) / np.abs(1 + L)).max()
+
+    least = minimize(peak, np.log([2, 10]), method="Nelder-Mead", options={"xatol": 1e-6}).fun
+    assert proof.status is Proof.REACHED
+    assert proof.lower_bound <= least <= proof.lower_bound * 1.0012
+
+
+@pytest.mark.parametrize("name", ["SLH, tau = 100", "full-block uncertainty"])
+def test_at_the_least_tau_p_the_least_peak_is_one(name):
+    """Both objectives meet where the other's optimum is the demand, with two settings too."""
+    specification = replace(TWO_SETTINGS[name], optimality_gap=True)
+    least = tune(specification).tau_p
+    demand = Performance(tau_p=least)
+    result = tune(replace(specification, objective="mu", performance=demand))
+    assert result.optimality.status is Proof.REACHED
+    assert 0.9985 <= result.optimality.lower_bound <= 1
+
+
+def test_a_peak_of_mu_that_two_settings_beat_is_refused():
+    """A peak of 1.1589 can be had at tau_P = 10, so 1.165 less 0.1 % cannot be proven least."""
+    demand = Performance(tau_p=10)
+    search = search_of(task(SLH, Arrangement.INDEPENDENT, performance=demand, objective="mu"))
+    bound = BranchAndBound(search.problem, peaks=np.array([0.05, 1.2]), value=1.165)
+    proof = run(bound, 250)
+    assert proof.status is Proof.STOPPED
+    assert 0.5 < proof.lower_bound <= 1.1589
 
 
 def test_what_is_proven_when_a_proof_is_stopped_is_reported():
     """The bound rises with the boxes examined, and holds at any time."""
     search = search_of(task(SLH))
     bounds = [
-        run(BranchAndBound(search.problem, peaks=np.ones(1), tau_p=25.78), boxes)
+        run(BranchAndBound(search.problem, peaks=np.ones(1), value=25.78), boxes)
         for boxes in (1, 25, 45)
     ]
     assert [proof.status for proof in bounds] == [Proof.STOPPED] * 3
@@ -188,7 +228,7 @@ def test_two_different_settings_are_proven_best_to_a_thousandth(name):
 def test_a_claim_that_two_settings_beat_is_refused():
     """18.4455 can be had, so 18.5 less 0.1 % cannot be proven least; what is proven is near."""
     search = search_of(TWO_SETTINGS["SLH, tau = 100"])
-    bound = BranchAndBound(search.problem, peaks=np.array([0.035, 1.17]), tau_p=18.5)
+    bound = BranchAndBound(search.problem, peaks=np.array([0.035, 1.17]), value=18.5)
     proof = run(bound, 250)
     assert proof.status is Proof.STOPPED
     assert 18 < proof.lower_bound <= 18.4456
@@ -215,7 +255,6 @@ def test_the_time_limit_ends_the_proof_and_not_the_tuning(monkeypatch):
     [
         {"kind": ControllerKind.PIF},
         {"kind": ControllerKind.PID, "arrangement": Arrangement.INDEPENDENT},
-        {"objective": Objective.MU, "performance": Performance(tau_p=20)},
         {"plant": first_order(3, 1, 10, 0.5), "arrangement": Arrangement.INDEPENDENT},
         {"plant": first_order(3, 1, 10, 0.5), "arrangement": Arrangement.BEST},
         {"arrangement": Arrangement.GROUPED, "group_sizes": (1, 1, 1),
@@ -224,7 +263,7 @@ def test_the_time_limit_ends_the_proof_and_not_the_tuning(monkeypatch):
     ],
 )  # fmt: skip
 def test_what_is_not_covered_is_refused_by_name(refused):
-    """Free filters, unlike PID, mu, more than two unlike PI and demands have no such proof."""
+    """Free filters, unlike PID, more than two unlike PI and demands have no such proof."""
     with pytest.raises(InvalidInputError) as error:
         task(**{"plant": SLH, "optimality_gap": True, **refused})
     assert error.value.field == "/search/optimality_gap"

@@ -1,6 +1,7 @@
 """Cuts hold for every controller, and exclude no box that holds good settings."""
 
 import math
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -19,8 +20,8 @@ from solver.optimality.conditions import Conditions, robust_limits
 from solver.optimality.cuts import NU, cuts
 from solver.optimality.infeasibility import least_weights
 from solver.optimality.samples import samples
-from solver.optimality.settings_box import weighted
-from solver.tuning.goals import TauGoal
+from solver.optimality.settings_box import Demand, weighted
+from solver.tuning.goals import MuGoal, TauGoal
 from solver.tuning.objective import FORBIDDEN, LoopObjective
 from solver.tuning.search import Freedom, GroupingSearch
 from solver.tuning.specification import ControllerKind, Specification
@@ -29,7 +30,7 @@ OMEGA = np.geomspace(1e-3, 20, 12)
 
 
 @st.composite
-def loops(draw):
+def loops(draw, mu=False):
     """A plant with at most two different PI, or one PID, as an objective on `OMEGA`."""
     if draw(st.integers(0, 9)) == 0:
         plant, groups = COLUMN, ((0,), (1,))
@@ -49,8 +50,11 @@ def loops(draw):
     kind = ControllerKind.PI
     if len(groups) == 1 and draw(st.booleans()):
         kind = ControllerKind.PID
+    goal = TauGoal(demand)
+    if mu:
+        goal = MuGoal(demand.with_tau_p(draw(st.floats(0.5, 200))))
     return LoopObjective(
-        reduce(plant, groups, uncertainty), uncertainty, TauGoal(demand), kind, signs, OMEGA,
+        reduce(plant, groups, uncertainty), uncertainty, goal, kind, signs, OMEGA,
     )  # fmt: skip
 
 
@@ -134,8 +138,8 @@ def test_a_cut_stays_sharp_along_the_strong_direction():
 
 
 @settings(max_examples=40, deadline=None)
-@given(loops(), settings_near, st.lists(st.floats(0, 1), min_size=4, max_size=4),
-       st.floats(0.01, 1), st.floats(1, 6))  # fmt: skip
+@given(loops() | loops(mu=True), settings_near, st.lists(st.floats(0, 1), min_size=4, max_size=4),
+       st.floats(0.01, 1), st.floats(0, 5))  # fmt: skip
 def test_no_settings_in_a_box_are_better_than_its_bound(objective, at, within, width, target):
     """The bound of a box is at most the value of any settings in it, frequency by frequency."""
     per = objective.per_controller
@@ -151,10 +155,16 @@ def test_no_settings_in_a_box_are_better_than_its_bound(objective, at, within, w
     value = objective.goal.attained(level, OMEGA)
     value = np.where(level <= FORBIDDEN, np.inf, value).max()
     known = samples(objective.blocks, objective.uncertainty, 1j * OMEGA)
+    asked = objective.goal.performance
+    demand = Demand(asked.max_peak, asked.offset, asked.tau_p or 0.0)
+    if asked.tau_p is None:
+        target += 1
+    else:
+        value, target = value / 2, 0.4 * target - 1.4
+        known = replace(known, u=known.u * math.exp(-2 * target))
     conditions = Conditions(
-        objective.blocks, known, objective.goal.performance, objective.signs, target,
-        np.zeros((0, size)),
-    )  # fmt: skip
+        objective.blocks, known, demand, objective.signs, target, np.zeros((0, size))
+    )
     found = conditions.examine(np.exp(low), np.exp(low + width), conditions.all_points, -math.inf)
     assert found.s <= max(value, -60) + 1e-7 * (1 + (value > 5)) or found.s == -math.inf
     if found.split is not None:
@@ -228,7 +238,7 @@ def test_an_unstable_loop_is_excluded_by_points_to_the_right_of_the_axis():
     plant = first_order(1, 2, 30, 0, 3)
     task = Specification(plant, Uncertainty.from_error(0.2, 1), Performance())
     search = GroupingSearch(task, Freedom.usual(task, ((0,),)), lambda: None)
-    bound = BranchAndBound(search.problem, peaks=np.ones(1), tau_p=5.6)
+    bound = BranchAndBound(search.problem, peaks=np.ones(1), value=5.6)
     conditions = bound._conditions  # noqa: SLF001 - its points are what is looked at
     settings = np.array([0.35, 7.0])
     points = conditions.samples.s
