@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import linalg
 
+from solver.limits.search import checking_grid
 from solver.model.state_space import StateSpace, from_polynomials
 
 if TYPE_CHECKING:
@@ -76,8 +77,10 @@ class Reducible:
 
 def reducible(search: LimitSearch, found: Found) -> list[Reducible]:
     """Return the controller of each block, ready to be truncated."""
-    omega = found.omega
+    omega = checking_grid(found.omega)
     s = np.asarray(1j * omega, dtype=np.complex128)
+    at = np.log(found.omega)
+    v = np.exp([np.interp(np.log(omega), at, np.log(each)) for each in found.v.T]).T
     w_I = search.uncertainty.magnitude(omega)[:, None, None]
     w_P = search.performance.with_tau_p(found.tau_p).magnitude(omega)[:, None, None]
     parts = []
@@ -85,7 +88,7 @@ def reducible(search: LimitSearch, found: Found) -> list[Reducible]:
         block = search.blocks.blocks[index]
         G = search.blocks.response(omega)[index]
         Q = own.parameter(s, found.basis, found.X[index])
-        d = found.v[:, list(block.scales)] ** -0.5
+        d = v[:, list(block.scales)] ** -0.5
         eye = np.eye(block.size)
         before = (eye - G @ Q) @ np.concatenate(
             [G / d[:, None, :], np.broadcast_to(eye, G.shape)], axis=2
@@ -100,7 +103,9 @@ def reducible(search: LimitSearch, found: Found) -> list[Reducible]:
             slow = INTEGRAL * min(1 / found.tau_p, search.bandwidth)
             integrators, faster = _lifted(integrators, own, slow)
             lift = _lift(own, slow)
-            unstable, rest = lift.after(unstable), faster.beside(lift.after(rest))
+            rest = faster.beside(lift.after(rest))
+            if unstable.states:
+                unstable = lift.after(unstable)
         parts.append(_balanced(integrators.beside(unstable), rest, omega, before, after))
     return parts
 
@@ -246,16 +251,15 @@ def _balanced(
     after: NDArray[np.complex128],
 ) -> Reducible:
     """Weighted balanced coordinates, by the square-root method."""
-    resolvent = np.linalg.inv(1j * omega[:, None, None] * np.eye(rest.states) - rest.A)
+    eye = np.eye(rest.states)
+    steered = StateSpace(rest.A, rest.B, eye, 0 * rest.B).response(omega)
+    seen = StateSpace(rest.A.T, rest.C.T, eye, 0 * rest.C.T).response(omega).swapaxes(1, 2)
     # Either weight may be huge at low frequency where their product is not.
     sizes = [np.linalg.norm(part, axis=(1, 2)) for part in (before, after)]
     share = np.sqrt(np.gradient(np.log(omega)))
     middle = np.sqrt(sizes[1] / sizes[0])
-    into = (share * middle)[:, None, None] * resolvent @ rest.B @ before
-    out = (share / middle)[:, None, None] * after @ rest.C @ resolvent
-    P = np.einsum("kia,kja->ij", into, into.conj()).real
-    O = np.einsum("kai,kaj->ij", out.conj(), out).real  # noqa: E741 - the field's letter
-    root_P, root_O = _root(P), _root(O)
+    root_P = _root((share * middle)[:, None, None] * steered @ before)
+    root_O = _root((share / middle)[:, None, None] * (after @ seen).swapaxes(1, 2))
     U, weights, Vh = np.linalg.svd(root_O.T @ root_P)
     order = int(np.count_nonzero(weights > NEGLIGIBLE * weights[0])) if weights.size else 0
     inverse = weights[:order] ** -0.5
@@ -268,7 +272,11 @@ def _balanced(
     )
 
 
-def _root(gramian: NDArray[np.float64]) -> NDArray[np.float64]:
-    """L with L L^T = gramian, rounding below zero cut off."""
-    value, vector = np.linalg.eigh(gramian)
-    return np.asarray(vector * np.sqrt(np.maximum(value, 0)))
+def _root(responses: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """L with L L^T the real part of the sum of X X^H over the frequencies, X (k, r, m).
+
+    The sum itself would hold half of the digits.
+    """
+    columns = np.concatenate([responses.real, responses.imag], axis=2)
+    rows = columns.swapaxes(1, 2).reshape(-1, responses.shape[1])
+    return np.asarray(np.linalg.qr(rows, mode="r")).T

@@ -81,14 +81,31 @@ class StateSpace(ByValue):
         """Eigenvalues of A, (r,) complex: the poles, and what cannot be seen or steered."""
         return np.linalg.eigvals(self.A).astype(complex)
 
+    @cached_property
+    def _triangular(
+        self,
+    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128], NDArray[np.complex128]]:
+        """A, B and C in coordinates where A is triangular: a value then costs r^2, not r^3."""
+        from scipy import linalg  # noqa: PLC0415 - what reads requests does not need it
+
+        balanced, (scale, _) = linalg.matrix_balance(self.A, permute=False, separate=True)
+        T, Z = linalg.schur(balanced, output="complex")
+        return T, Z.conj().T @ (self.B / scale[:, None]), (self.C * scale) @ Z
+
     def __call__(self, s: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """Value at the complex points `s` (k,), none of them a pole, (k, p, m) complex."""
         points = np.asarray(s, dtype=complex)
         if not self.states:
             return np.broadcast_to(self.D.astype(complex), (points.size, *self.D.shape)).copy()
-        resolvent = points[:, None, None] * np.eye(self.states) - self.A
-        states = np.linalg.solve(resolvent, np.broadcast_to(self.B, (points.size, *self.B.shape)))
-        return np.asarray(self.C @ states + self.D)
+        T, B, C = self._triangular
+        distance = points[:, None] - np.diag(T)
+        states = np.empty((self.states, points.size * B.shape[1]), dtype=complex)
+        for row in reversed(range(self.states)):
+            others = T[row, row + 1 :] @ states[row + 1 :]
+            right = B[row] + others.reshape(points.size, -1)
+            states[row] = (right / distance[:, [row]]).ravel()
+        value = (C @ states).reshape(len(C), points.size, -1)
+        return np.asarray(value.swapaxes(0, 1) + self.D)
 
     def response(self, omega: ArrayLike) -> NDArray[np.complex128]:
         """Frequency response at `omega` > 0 (rad per time unit), (k, p, m) complex."""

@@ -33,6 +33,8 @@ from solver.robustness.record import Curves, Guarantee, Peaks
 from solver.stability.encirclements import INFINITELY_MANY, LoopBatch, count_unstable
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
     from solver.model.blocks import LoopBlocks
@@ -141,8 +143,12 @@ def analyse_blocks(
     performance: Performance,
     *,
     proof: bool = True,
+    tick: Callable[[], None] = lambda: None,
 ) -> Centralised:
-    """Analyse a full controller that is given block by block, see `CentralisedAnalysis`."""
+    """Analyse a full controller that is given block by block, see `CentralisedAnalysis`.
+
+    `tick` is called often; what it raises passes through.
+    """
     unstable = centralised_poles(blocks, controllers)
     if unstable:
         warning = "the closed loop is unstable: mu has no meaning for it"
@@ -154,11 +160,13 @@ def analyse_blocks(
             warnings=(warning,),
         )
     analysis = CentralisedAnalysis(blocks, controllers, uncertainty, performance)
+    tick()
     curves = analysis.curves(analysis.omega)
+    tick()
     peaks = analysis.peaks(curves)
     guarantee = None
     if proof:
-        peak, guarantee = prove(analysis, peaks.robust_performance)
+        peak, guarantee = prove(analysis, peaks.robust_performance, tick)
         peaks = replace(peaks, robust_performance=peak)
     return Centralised(
         nominally_stable=True, unstable_poles=0, peaks=peaks, curves=curves, guarantee=guarantee

@@ -7,7 +7,12 @@ s = 0:
     N = [[w_I D C S G D^-1, w_I D C S], [w_P S G D^-1, w_P S]],   S = J (J + G K K^-1 C J)^-1,
 
 with D times |K|: what that leaves are phases, which no singular value sees. So one interval may
-reach from s = 0, and in 1/s another one to infinity.
+reach from s = 0, and in 1/s another one to infinity. Where some inputs integrate and others do not,
+J has more powers of s than some need, and J + G C J is singular at s = 0. Near it stands
+
+    (I + C G)^-1 = K (F K + F C G K)^-1 F,   S = G K (F K + F C G K)^-1 F K (G K)^-1,
+
+F the integrators of each row of the controller: regular, as G K is.
 
 A controller in state space is a sum over its modes. Eigenvectors from floating point are taken
 as they are, and what V^-1 A V then has beside its diagonal, computed with many digits, is a bound
@@ -341,8 +346,10 @@ class FullLoop:
         if direct and (through or ways) and any(e.dead_time > 0 for e in direct + ways):
             message = "what dead time feeds through has any phase towards the frequency infinity"
             raise UnprovenError(message)
-        self.power = int((own + self.lifted).max())
-        if self._grows() > self.power:
+        self.own = own
+        self.rising = own + self.lifted
+        self.power = int(self.rising.max())
+        if self._grows() > self.rising.min():
             message = "no offset is permitted, but the controller leaves one"
             raise UnprovenError(message)
 
@@ -373,9 +380,21 @@ class FullLoop:
                 radius[:, row, column] = total.radius[:, 0, 0]
         return Models(P, radius), sound
 
+    @property
+    def deficit(self) -> int:
+        """Powers of s/(1 + s/f) that det(J + G C J) has more than det(F (I + C G) K)."""
+        return int((self.power - self.rising).sum())
+
     def compensator(self, variable: Variable) -> tuple[Models, NDArray[np.bool_]]:
         """K^-1 C J."""
-        left = self.power - self.lifted  # powers of s/(1 + s/f) that each row may take up
+        return self._rows(variable, self.power - self.lifted)
+
+    def compensator_at_rest(self, variable: Variable) -> tuple[Models, NDArray[np.bool_]]:
+        """F C, F = diag(s/(1 + s/f)) on the rows with integrators of their own, 1 on the others."""
+        return self._rows(variable, self.own)
+
+    def _rows(self, variable: Variable, left: NDArray[np.int_]) -> tuple[Models, NDArray[np.bool_]]:
+        """C, each row times a power of s/(1 + s/f) that takes up its poles at s = 0."""
         if self.modal is not None:
             return _modal_rows(self.modal, variable, left)
         count, size = variable.middle.size, self.block.size
@@ -396,12 +415,35 @@ class FullLoop:
         """J, w_I and w_P J, 1 x 1 each."""
         one = np.ones(1)
         J, sound = variable.quotient(one, one, self.power, self.power)
+        w_I, w_P, known = self._weights(variable, self.power)
+        return J, w_I, w_P, sound & known
+
+    def rises_at_rest(
+        self, variable: Variable
+    ) -> tuple[Models, Models, Models, Models, NDArray[np.bool_]]:
+        """F K and what it leaves over w_P's pole at s = 0, diagonal; w_I, w_P without that pole."""
+        one, poles = np.ones(1), self._grows()
+        count, size = variable.middle.size, self.block.size
+        found, sound = [], np.ones(count, dtype=bool)
+        for powers in (self.rising, self.rising - poles):
+            P = np.zeros((DEGREE, count, size, size), dtype=complex)
+            radius = np.zeros((count, size, size))
+            for row, power in enumerate(powers.tolist()):
+                rise, known = variable.quotient(one, one, power, power)
+                P[:, :, row, row], radius[:, row, row] = rise.P[:, :, 0, 0], rise.radius[:, 0, 0]
+                sound &= known
+            found.append(Models(P, radius))
+        w_I, w_P, known = self._weights(variable, poles)
+        return found[0], found[1], w_I, w_P, sound & known
+
+    def _weights(self, variable: Variable, powers: int) -> tuple[Models, Models, NDArray[np.bool_]]:
+        """w_I and w_P (s/(1 + s/f))^powers."""
         w_I, known = variable.quotient(np.array(self.w_I.num), np.array(self.w_I.den), 0, 0)
         poles = self._grows()
         den = np.array(self.w_P.den)
         den = den[:-1] if poles else den
-        w_P, also = variable.quotient(np.array(self.w_P.num), den, self.power - poles, self.power)
-        return J, w_I, w_P, sound & known & also
+        w_P, also = variable.quotient(np.array(self.w_P.num), den, powers - poles, powers)
+        return w_I, w_P, known & also
 
 
 def _direct(elements: list[TransferFunction]) -> list[TransferFunction]:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -24,6 +24,8 @@ from solver.robustness.record import Guarantee, GuaranteeStatus
 from solver.robustness.shared_scales import best_scales
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
     from solver.robustness.centralised_curves import CentralisedAnalysis
@@ -37,6 +39,7 @@ SHORTEST = 1e-11  # log(ratio): frequencies of 16 digits have few points left in
 TAIL_FACTOR = 8.0  # by which an end of the axis is drawn out
 FURTHEST = 1e25  # of the grid's ends
 QUARTER = 0.45 * math.pi  # largest turn of a determinant from the middle of its interval
+NEAR_REST = 0.3  # of the lowest bend: below it the plant, its integrators apart, is its static gain
 WHOLE = 1e-6  # how near to a whole number of half turns their sum must be
 SECTIONS, ROUNDS = 32, 4  # of a refinement, as on the axis of single loops
 
@@ -81,7 +84,9 @@ class _Seen:
     direction: NDArray[np.complex128]  # (c, blocks): the determinant's there
 
 
-def prove(analysis: CentralisedAnalysis, peak: Peak) -> tuple[Peak, Guarantee]:
+def prove(
+    analysis: CentralisedAnalysis, peak: Peak, tick: Callable[[], None] = lambda: None
+) -> tuple[Peak, Guarantee]:
     """Return the peak of robust performance, raised where it was too low, and what is proven.
 
     Parameters
@@ -90,10 +95,12 @@ def prove(analysis: CentralisedAnalysis, peak: Peak) -> tuple[Peak, Guarantee]:
         Of a loop that is nominally stable by another count.
     peak : Peak
         The highest value found so far.
+    tick : callable
+        Called often; what it raises passes through.
 
     """
     try:
-        return _Proof(analysis, peak).run()
+        return _Proof(analysis, peak, tick).run()
     except UnprovenError as reason:
         return peak, _open(peak, str(reason))
 
@@ -103,8 +110,8 @@ def _open(peak: Peak, reason: str) -> Guarantee:
 
 
 class _Proof:
-    def __init__(self, analysis: CentralisedAnalysis, peak: Peak) -> None:
-        self.analysis, self.peak = analysis, peak
+    def __init__(self, analysis: CentralisedAnalysis, peak: Peak, tick: Callable[[], None]) -> None:
+        self.analysis, self.peak, self.tick = analysis, peak, tick
         self.loops = [
             FullLoop(analysis.blocks, index, controller, analysis.uncertainty, analysis.performance)
             for index, controller in enumerate(analysis.controllers)
@@ -112,6 +119,8 @@ class _Proof:
         bends = corners(analysis.blocks.plant, analysis.uncertainty)
         self.corner = 2.0 ** math.ceil(math.log2(float(bends.max())))
         self.ends = float(analysis.omega[0]), float(analysis.omega[-1])
+        mixed = any(loop.deficit for loop in self.loops)
+        self.rest = NEAR_REST * float(bends.min()) if mixed else 0.0
 
     def run(self) -> tuple[Peak, Guarantee]:
         low, high = self.ends
@@ -154,12 +163,14 @@ class _Proof:
 
     def _seen(self, cells: _Cells) -> _Seen:
         parts, order = [], []
-        far = np.isinf(cells.high)
-        for group in (np.flatnonzero(~far), np.flatnonzero(far)):
-            for first in range(0, group.size, AT_ONCE):
-                chosen = group[first : first + AT_ONCE]
-                part = _Cells(cells.low[chosen], cells.high[chosen])
-                parts.append(self._seen_alike(Variable.over(part.low, part.high, self.corner)))
+        far, near = np.isinf(cells.high), cells.high <= self.rest
+        for group, block in ((~far & ~near, _block), (near, _block_at_rest), (far, _block)):
+            each = np.flatnonzero(group)
+            for first in range(0, each.size, AT_ONCE):
+                self.tick()
+                chosen = each[first : first + AT_ONCE]
+                variable = Variable.over(cells.low[chosen], cells.high[chosen], self.corner)
+                parts.append(self._seen_alike(variable, block))
                 order.append(chosen)
         back = np.argsort(np.concatenate(order))
         return _Seen(
@@ -169,16 +180,22 @@ class _Proof:
             )
         )
 
-    def _seen_alike(self, variable: Variable) -> _Seen:
+    def _seen_alike(
+        self, variable: Variable, block: Callable[[FullLoop, Variable], _Models]
+    ) -> _Seen:
         count = variable.middle.size
         sound = np.ones(count, dtype=bool)
         matrices, turns, directions = [], [], []
         for loop in self.loops:
-            N, turn, direction, here = _block(loop, variable)
-            matrices.append(N)
-            turns.append(np.where(here, turn, np.inf))
+            found = block(loop, variable)
+            turn, direction = _turn(found.E, found.sound)
+            if loop.deficit and block is _block:
+                more, phase = _surplus(loop, variable)
+                turn, direction = turn + more, direction / phase
+            matrices.append(found.N)
+            turns.append(np.where(found.sound, turn, np.inf))
             directions.append(direction)
-            sound &= here & np.isfinite(N.P).all(axis=(0, 2, 3))
+            sound &= found.sound & np.isfinite(found.N.P).all(axis=(0, 2, 3))
         x = np.ones((count, self.analysis.blocks.n_scales))
         if sound.any():
             # Where any phase stands for a dead time, the middle shows nothing of what it delays.
@@ -242,19 +259,55 @@ def _chosen(seen: _Seen, chosen: NDArray[np.bool_]) -> _Seen:
     return _Seen(seen.bound[chosen], seen.turn[chosen], seen.direction[chosen])
 
 
-def _block(
-    loop: FullLoop, variable: Variable
-) -> tuple[Models, NDArray[np.float64], NDArray[np.complex128], NDArray[np.bool_]]:
-    """N of a block, how far the determinant may turn, its direction, and where all is known."""
-    size = loop.block.size
+class _Models(NamedTuple):
+    """N of a block, the matrix whose determinant turns, and where all is known."""
+
+    N: Models
+    E: Models
+    sound: NDArray[np.bool_]
+
+
+def _block(loop: FullLoop, variable: Variable) -> _Models:
+    """By S = J (J + G C J)^-1."""
     G, sound = loop.plant(variable)
     C, known = loop.compensator(variable)
     J, w_I, w_P, also = loop.rises(variable)
-    count = variable.middle.size
-    eye = Models.constant(np.eye(size, dtype=complex), count)
-    E = eye @ J + G @ C
+    E = Models.constant(np.eye(loop.block.size, dtype=complex), variable.middle.size) @ J + G @ C
     S, regular = E.inverse()
-    sound = sound & known & also & regular
+    uncertain = w_I @ (C @ S)
+    performing = w_P @ S
+    N = _quarters([[uncertain @ G, uncertain], [performing @ G, performing]])
+    return _Models(N, E, sound & known & also & regular)
+
+
+def _block_at_rest(loop: FullLoop, variable: Variable) -> _Models:
+    """By S = G K (F K + F C G K)^-1 F K (G K)^-1, near s = 0."""
+    G, sound = loop.plant(variable)
+    C, known = loop.compensator_at_rest(variable)
+    rise, left, w_I, w_P, also = loop.rises_at_rest(variable)
+    E = rise + C @ G
+    R, regular = E.inverse()
+    back, invertible = G.inverse()
+    uncertain = w_I @ (R @ C)
+    performing = w_P @ (G @ R @ left)
+    N = _quarters([[uncertain @ G, uncertain], [performing, performing @ back]])
+    return _Models(N, E, sound & known & also & regular & invertible)
+
+
+def _quarters(parts: list[list[Models]]) -> Models:
+    return Models(
+        np.concatenate([np.concatenate([m.P for m in row], axis=-1) for row in parts], axis=-2),
+        np.concatenate(
+            [np.concatenate([m.radius for m in row], axis=-1) for row in parts], axis=-2
+        ),
+    )
+
+
+def _turn(
+    E: Models, sound: NDArray[np.bool_]
+) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
+    """How far the determinant of E may turn from the middle, and its direction there."""
+    size = E.radius.shape[-1]
     # E = E_0 (I + R): its eigenvalues turn by no more than arcsin |R| each.
     moved = Models(E.P.copy(), E.radius)
     moved.P[0] = 0
@@ -263,14 +316,17 @@ def _block(
     rest = np.minimum(np.abs(inverse) @ (moved.size + moved.radius) * OUTWARD, 1.0)
     share = np.where(sound, np.linalg.norm(rest, axis=(1, 2)), 1.0)
     turn = size * np.arcsin(np.minimum(share, 1.0))
-    R = C @ S
-    uncertain = w_I @ R
-    performing = w_P @ S
-    parts = [[uncertain @ G, uncertain], [performing @ G, performing]]
-    N = Models(
-        np.concatenate([np.concatenate([m.P for m in row], axis=-1) for row in parts], axis=-2),
-        np.concatenate(
-            [np.concatenate([m.radius for m in row], axis=-1) for row in parts], axis=-2
-        ),
-    )
-    return N, turn, np.linalg.slogdet(start)[0], sound
+    return turn, np.linalg.slogdet(start)[0]
+
+
+def _surplus(
+    loop: FullLoop, variable: Variable
+) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
+    """Turn and direction of the powers of s/(1 + s/f) that `_block_at_rest` has not."""
+    middle, half = np.abs(variable.middle), np.abs(variable.half)
+    # The phase of s/(1 + s/f) is pi/2 - arctan(omega/f), and arctan(f/omega).
+    ratio = 1 / (variable.corner * middle) if variable.inverse else middle / variable.corner
+    step = half * variable.corner if variable.inverse else half / variable.corner
+    # The slope is greatest where the argument is least.
+    turn = loop.deficit * step / (1 + np.maximum(ratio - step, 0) ** 2) * OUTWARD
+    return turn, np.exp(1j * loop.deficit * (math.pi / 2 - np.arctan(ratio)))

@@ -11,10 +11,13 @@ import numpy as np
 import pytest
 from ctrlsys import ab13md
 
-from solver.limits import multivariable, search
+from solver.limits import search
+from solver.limits.building import Building
 from solver.limits.ending import EnoughError
 from solver.limits.lower_bound import Limitation, lower_bound, unlimited
 from solver.limits.multivariable import multivariable_limit
+from solver.limits.natural_units import NaturalUnits, in_natural_units
+from solver.limits.realisation import reducible
 from solver.limits.record import Limit, LimitStatus, Realised
 from solver.limits.search import Found, LimitSearch
 from solver.model.controllers import Controller
@@ -117,6 +120,65 @@ def test_the_limit_scales_with_the_unit_of_time_and_of_the_signals() -> None:
         assert coarse(MatrixPlant(rows), demand).mu == pytest.approx(
             coarse(COLUMN, demand).mu, rel=1e-3
         )
+
+
+def _level(time: float, inputs: tuple[float, float], outputs: float) -> MatrixPlant:
+    """One input integrates, with a dead time towards the second output; in any units."""
+    rows = (([1], [1, 0], 0), ([0.5], [3, 1], 0)), (([0.3], [1, 0], 1), ([-2], [4, 1], 0))
+    return MatrixPlant(
+        [
+            [
+                TransferFunction([num[0] * unit * outputs], [den[0] * time, den[1]], delay * time)
+                for (num, den, delay), unit in zip(row, inputs, strict=True)
+            ]
+            for row in rows
+        ]
+    )
+
+
+UNITS = [(1e-3, (1, 1), 1), (60, (1e-6, 1e6), 1), (1e4, (1e6, 1e-6), 1e3)]
+
+
+@pytest.mark.parametrize(("time", "inputs", "outputs"), UNITS)
+def test_a_plant_in_any_units_is_one_in_natural_units(
+    time: float, inputs: tuple[float, float], outputs: float
+) -> None:
+    """What is searched is the same to rounding, so the answer is; its controller comes back."""
+    demand = Performance(tau_p=2.0)
+    here = in_natural_units(_level(1, (1, 1), 1), UNCERTAINTY, demand)
+    given = Uncertainty.from_error(0.2, time)
+    there = in_natural_units(_level(time, inputs, outputs), given, Performance(tau_p=2 * time))
+    assert there.time == pytest.approx(time * here.time, rel=1e-12)
+    assert there.performance.tau_p == pytest.approx(here.performance.tau_p, rel=1e-12)
+    omega = np.geomspace(1e-3, 1e3, 20)
+    assert there.plant.response(omega) == pytest.approx(here.plant.response(omega), rel=1e-9)
+    assert there.uncertainty.magnitude(omega) == pytest.approx(
+        here.uncertainty.magnitude(omega), rel=1e-9
+    )
+    controller = StateSpace([[-0.3, 0.1], [0, 0]], np.eye(2), [[1, 2], [0.5, -1]], np.eye(2))
+    back = there.given_back(controller)
+    loop = _level(time, inputs, outputs).response(omega / there.time) @ back.response(
+        omega / there.time
+    )
+    assert loop == pytest.approx(here.plant.response(omega) @ controller.response(omega), rel=1e-9)
+
+
+def test_reduction_keeps_the_digits_that_scales_of_the_states_take() -> None:
+    """A controller in all of its states is Q (I - G Q)^-1 where one input integrates."""
+    units = in_natural_units(_level(1, (1, 1), 1), UNCERTAINTY, Performance())
+    task = LimitSearch(units.plant, units.uncertainty, units.performance)
+    basis = task._built_basis(search.BUILT_DENSITY)  # noqa: SLF001 - one stage of the search
+    rng = np.random.default_rng(0)
+    X = [0.03 * rng.normal(size=(basis.size, 2, 2))]
+    found = Found(X, basis, 0.9, 0.9, task.omega, np.ones((task.omega.size, 2)))
+    (part,) = reducible(task, found)
+    whole = part.truncated(0.0)
+    omega = np.geomspace(3.0, 30.0, 40)  # above its slow integrator, below what Pade leaves
+    (own,), (G,) = task.youla, task.blocks.response(omega)
+    Q = own.parameter(1j * omega, basis, X[0])
+    exact = Q @ np.linalg.inv(np.eye(2) - G @ Q)
+    gap = np.linalg.norm(whole.response(omega) - exact, axis=(1, 2))
+    assert (gap < 3e-3 * np.linalg.norm(exact, axis=(1, 2))).all()
 
 
 def test_inputs_of_unlike_units_are_searched_alike() -> None:
@@ -300,7 +362,9 @@ def test_a_peak_that_a_reduction_leaves_between_the_frequencies_is_found(
     mended: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It is looked at in the next reduction; a controller that keeps it is none."""
-    task = LimitSearch(RIGHT, UNCERTAINTY, Performance(tau_p=1e3))
+    given = RIGHT, UNCERTAINTY, Performance(tau_p=1e3)
+    task = LimitSearch(*given)
+    building = Building(*given, NaturalUnits(*given, 2.0, np.ones(1)), task)
     omega = np.geomspace(1e-3, 10, 9)
     basis = task._built_basis(1.0)  # noqa: SLF001
     found = Found([np.zeros((basis.size, 1, 1))], basis, 0.6, 1e3, omega, np.ones((9, 1)))
@@ -311,11 +375,11 @@ def test_a_peak_that_a_reduction_leaves_between_the_frequencies_is_found(
         return ()
 
     def analysed(*_):
-        return _reached(0.6 if mended and len(looked_at) > 1 else 3.6e9, 0.123)
+        return _reached(0.6 if mended and len(looked_at) > 1 else 3.6e9, 0.123 / 2.0)
 
-    monkeypatch.setattr(multivariable, "_reduced", reduced)
-    monkeypatch.setattr(multivariable, "_analysed", analysed)
-    built = multivariable._built(task, found, [], 0.61)  # noqa: SLF001
+    monkeypatch.setattr(Building, "_reduced", reduced)
+    monkeypatch.setattr(Building, "_analysed", analysed)
+    built = building._built(found, [], 0.61)  # noqa: SLF001
     assert (built is not None) == mended
     assert np.diff(np.log(looked_at[0])).max() < 0.2 * math.log(10**0.5)  # between the nine too
     assert 0.123 not in looked_at[0]

@@ -18,7 +18,7 @@ from solver.model.weights import Performance, Uncertainty
 from solver.robustness.centralised import Centralised, analyse_centralised
 from solver.robustness.centralised_curves import CentralisedAnalysis, central_blocks
 from solver.robustness.full_models import FullLoop, Variable
-from solver.robustness.full_proof import _block, prove
+from solver.robustness.full_proof import _block, _block_at_rest, prove
 from solver.robustness.record import GuaranteeStatus
 
 UNCERTAINTY = Uncertainty.from_error(0.2, 1.0)
@@ -51,6 +51,12 @@ LEVELS = MatrixPlant(
         [TransferFunction([0.02], [4, 1, 0]), TransferFunction([0.1], [3, 1, 0])],
     ]
 )
+ONE_LEVEL = MatrixPlant(
+    [
+        [TransferFunction([0.1], [1, 0]), TransferFunction([0.5], [3, 1])],
+        [TransferFunction([0.03], [1, 0], 1.0), TransferFunction([2], [4, 1])],
+    ]
+)
 DIRECT = MatrixPlant(
     [
         [TransferFunction([2, 1], [10, 1]), TransferFunction([0.3], [5, 1])],
@@ -59,7 +65,11 @@ DIRECT = MatrixPlant(
 )
 
 
-@pytest.mark.parametrize("plant", [COUPLED, LEVELS, DIRECT], ids=["dead time", "levels", "direct"])
+@pytest.mark.parametrize(
+    "plant",
+    [COUPLED, LEVELS, DIRECT, ONE_LEVEL],
+    ids=["dead time", "levels", "direct", "one level"],
+)
 @pytest.mark.parametrize("seed", range(4))
 def test_models_hold_the_loop(plant: Plant, seed: int) -> None:
     """On random intervals, both ends of the axis among them, N lies within its enclosure."""
@@ -70,13 +80,16 @@ def test_models_hold_the_loop(plant: Plant, seed: int) -> None:
     analysis = CentralisedAnalysis(blocks, (controller,), UNCERTAINTY, PERFORMANCE)
     low = 10 ** rng.uniform(-4, 3, 40)
     groups = [
-        (low, low * (1 + 10 ** rng.uniform(-4, -0.5, 40))),
-        (np.array([0.0]), np.array([1e-5])),
-        (np.array([1e4]), np.array([np.inf])),
+        (low, low * (1 + 10 ** rng.uniform(-4, -0.5, 40)), _block),
+        (low, low * (1 + 10 ** rng.uniform(-4, -0.5, 40)), _block_at_rest),
+        (np.array([0.0]), np.array([1e-3]), _block_at_rest),
+        (np.array([1e4]), np.array([np.inf]), _block),
     ]
-    for lows, highs in groups:
+    if not loop.deficit:
+        groups.append((np.array([0.0]), np.array([1e-5]), _block))
+    for lows, highs, block in groups:
         variable = Variable.over(lows, highs, 1.0)
-        N, _, _, sound = _block(loop, variable)
+        N, _, sound = block(loop, variable)
         assert sound.mean() > 0.5
         for t in (-0.99, -0.37, 0.0, 0.81, 0.99):
             value = sum(N.P[k] * t**k for k in range(len(N.P)))
@@ -129,6 +142,35 @@ def test_a_proven_level_holds_between_the_samples(
     assert analysis.robust_performance(omega).max() <= found.guarantee.level
     assert found.peaks is not None
     assert found.guarantee.level <= 1.00011 * found.peaks.robust_performance.value
+
+
+def _one_level(gain: float) -> StateSpace:
+    """PI on either loop of a plant of which the first input integrates."""
+    return StateSpace(
+        np.zeros((2, 2)), np.eye(2), np.diag([0.004, 0.02 * gain]), np.diag([0.4, 0.3 * gain])
+    )
+
+
+def test_where_one_input_integrates_and_the_controller_too_the_loop_is_proven() -> None:
+    """(I + G C)^-1 has unlike orders at s = 0; poles are counted whichever way it is written."""
+    performance = Performance(tau_p=100.0)
+    found = analyse_centralised(ONE_LEVEL, UNCERTAINTY, performance, _one_level(1.0))
+    assert found.guarantee is not None
+    assert found.guarantee.status is GuaranteeStatus.PROVEN, found.guarantee.reason
+    assert found.peaks is not None
+    assert found.guarantee.level <= 1.00011 * found.peaks.robust_performance.value
+    blocks = central_blocks(ONE_LEVEL, UNCERTAINTY)
+    omega = np.exp(np.random.default_rng(1).uniform(np.log(1e-5), np.log(1e5), 20_000))
+    analysis = CentralisedAnalysis(blocks, (_one_level(1.0),), UNCERTAINTY, performance)
+    assert analysis.robust_performance(omega).max() <= found.guarantee.level
+    # Signs turned round: as many poles on the right, whatever another count says.
+    wrong = CentralisedAnalysis(blocks, (_one_level(-1.0),), UNCERTAINTY, performance)
+    assert not analyse_centralised(
+        ONE_LEVEL, UNCERTAINTY, performance, _one_level(-1.0)
+    ).nominally_stable
+    _, guarantee = prove(wrong, Peak(1e6, 1.0))
+    assert guarantee.status is GuaranteeStatus.OPEN
+    assert "not those of another count" in (guarantee.reason or "")
 
 
 def test_a_peak_that_was_missed_is_found() -> None:
