@@ -86,7 +86,7 @@ class ExactDescent:
         for _ in range(ROUNDS):
             objective = self.objective.having(nu=FINE).at(omega, peaks)
             here = self._begun(objective, theta)
-            if not math.isfinite(here.merit):
+            if here is None or not math.isfinite(here.merit):
                 break
             if math.isfinite(beaten):
                 here = self.phases.best(objective, here, TRIFLE)
@@ -184,10 +184,11 @@ class ExactDescent:
         """
         return _attained(self.objective.parts[part], theta, omega)
 
-    def _begun(self, objective: Together, theta: NDArray[np.float64]) -> Evaluation:
+    def _begun(self, objective: Together, theta: NDArray[np.float64]) -> Evaluation | None:
         """Return where a descent with followed peaks begins: settings that miss no level.
 
-        What is missing between the grid's points is little as a rule; its price leads back.
+        What is missing between the grid's points is little as a rule; its price leads back. None
+        where no tau_P serves any settings nearby.
         """
         here = objective.evaluate(theta)
         if math.isfinite(here.value) or not objective.goal.skewed:
@@ -196,11 +197,17 @@ class ExactDescent:
             here = self.phases.best(objective, here, TRIFLE)
         return here if math.isfinite(here.value) else self._restored(objective, theta)
 
-    def _restored(self, objective: Together, theta: NDArray[np.float64]) -> Evaluation:
-        """Return a neighbour for which some tau_P exists at the frequencies of `objective`."""
+    def _restored(self, objective: Together, theta: NDArray[np.float64]) -> Evaluation | None:
+        """Return a neighbour for which some tau_P exists at the frequencies of `objective`.
+
+        None where the first phase ends with a peak of mu above 1: nothing is to be had from there.
+        """
         feasibility = objective.having(goal=self.phases.feasibility.goal)
         phases = replace(self.phases, feasibility=feasibility)
-        return objective.evaluate(phases.feasible(feasibility.evaluate(theta)).theta)
+        found = phases.feasible(feasibility.evaluate(theta))
+        if 0 < found.value < math.inf:
+            return None
+        return objective.evaluate(found.theta)
 
 
 def _axis(part: LoopObjective, theta: NDArray[np.float64]) -> NDArray[np.float64]:

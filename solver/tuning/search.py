@@ -69,6 +69,7 @@ HOP = 1.0  # in log time
 NEARLY_SINGULAR = 1e-5  # gain of the weakest direction over the strongest one's
 UNSEEN = 5e-3  # of s between the grid's points, from which optima of the grid may be none
 REFINEMENTS = 3
+NEARER = 5  # descents to settings that nearly meet the demand
 SWAPPED = 2  # optima whose times are swapped
 GAIN_STEP = 0.3  # an unstable start is tried again with this share of its gains
 GAIN_STEPS = 12
@@ -444,11 +445,18 @@ class GroupingSearch:
     def nearly_feasible(self, theta: NDArray[np.float64]) -> Evaluation:
         """Return settings near `theta` with the least peak of mu under an infinitely slow demand.
 
-        On the whole axis: for what is feasible on the grid alone.
+        On the whole axis. Where the demand limits no integral time the valley there is long and
+        flat, with a bend along it: a descent that ends in it is begun again.
         """
         feasibility = self.phases.feasibility
-        found = replace(self.exact, objective=feasibility).descend(theta)
-        return feasibility.evaluate(theta if found is None else found.theta)
+        exact = replace(self.exact, objective=feasibility)
+        best: Candidate | None = None
+        for _ in range(NEARER):
+            found = exact.descend(theta if best is None else best.theta)
+            if found is None or (best is not None and found.value > best.value - ROUGH):
+                break
+            best = found
+        return feasibility.evaluate(theta if best is None else best.theta)
 
     def slowest_demand(self, here: Evaluation) -> tuple[Peak, Case]:
         """Return the peak of mu under an infinitely slow demand, and the case that has it.

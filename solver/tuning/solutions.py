@@ -31,9 +31,12 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from solver.model.controllers import Controller
+    from solver.model.peaks import Peak
     from solver.tuning.clock import Clock
     from solver.tuning.exact import Candidate
     from solver.tuning.groupings import Groups
+    from solver.tuning.objective import Evaluation
+    from solver.tuning.scenarios import Case
     from solver.tuning.specification import Specification
 
 __all__ = ["Solution", "Solutions"]
@@ -44,6 +47,7 @@ STARTS_PER_PARAMETER = 3
 STARTS_BEFORE_HOPS = 2  # a parameter, where the search goes on from the best optimum
 STARTS_WITH_LEADS = 5  # as before, where fast and slow derivatives have optima far apart
 STARTS_OF_OTHER_SIGNS = 6  # times as many: most of them are unstable at any gain
+NEAREST = 3  # searches whose way towards the demand is gone to its end, where none meets it
 MATTERS = 10.0  # times the shortest time of the starts
 FARTHER = 1e3  # corners of the loop over which the grid is extended where it missed an instability
 EXTENSIONS = 3
@@ -120,9 +124,25 @@ class Solutions:
 
     def nearest(self) -> GroupingSearch | None:
         """Return the search whose first phase came nearest to settings that meet the demand."""
-        began = [search for search in self.searches if search.closest is not None]
-        return min(began, key=lambda each: each.closest.value if each.closest else math.inf,
-                   default=None)  # fmt: skip
+        return next((search for search, _ in self._by_closeness()), None)
+
+    def nearest_on_the_axis(self) -> tuple[GroupingSearch, Evaluation, Peak, Case] | None:
+        """Return the search whose first phase comes nearest on the whole axis, as far as it goes.
+
+        With it the settings, their peak of mu under an infinitely slow demand, and its case.
+        """
+        found = []
+        for search, closest in self._by_closeness()[:NEAREST]:
+            here = closest
+            with suppress(OutOfTimeError):
+                here = search.nearly_feasible(closest.theta)
+            found.append((search, here, *search.slowest_demand(here)))
+        return min(found, key=lambda each: each[2].value, default=None)
+
+    def _by_closeness(self) -> list[tuple[GroupingSearch, Evaluation]]:
+        """Return the searches, the nearest first, and where the first phase of each ended."""
+        began = [(search, search.closest) for search in self.searches if search.closest is not None]
+        return sorted(began, key=lambda each: each[1].value)
 
     def kept(self, search: GroupingSearch) -> Solution:
         """Return the best stable settings of a search that was cut short."""

@@ -347,16 +347,16 @@ class _Run:
             return infeasible(
                 self.specification, groups, self.clock, reason, None, status=Status.TIME_LIMIT
             )
-        search = self.solutions.nearest()
+        nearest = self.solutions.nearest_on_the_axis()
         contrary = contrary_signs(self.specification, groups)
         why = "" if contrary is None else f"; {contrary}"
-        if search is None or search.closest is None:
+        if nearest is None:
             reason = "none were found that stabilise the loops within the parameter bounds" + why
             twice = any(each.integrators > 1 for each in self.specification.plant.elements)
             if twice and "derivative_time" not in self.specification.kind.parameters:
                 reason += "; a plant that integrates twice needs a derivative: ask for PID"
             return infeasible(self.specification, groups, self.clock, reason, None)
-        slow, case = search.slowest_demand(search.closest)
+        search, closest, slow, case = nearest
         if slow.value <= 1:
             reason = (
                 "none were found that are stable and meet every demand: settings that keep mu <= 1 "
@@ -371,7 +371,7 @@ class _Run:
         if len(search.cases) > 1:
             reason += f", in scenario {self.specification.name_of(case)!r}"
         reason += why
-        on_bound = search.on_given_bounds(search.closest.theta)
+        on_bound = search.on_given_bounds(closest.theta)
         if on_bound:
             reason += f"; they lie on the bounds given for {', '.join(on_bound)}"
         return infeasible(self.specification, groups, self.clock, reason, slow.omega)

@@ -25,6 +25,7 @@ from solver.tuning.specification import (
     Signs,
     Specification,
 )
+from solver.tuning.together import Together
 from solver.tuning.tuner import tune
 
 NONE = TransferFunction([0], [1])
@@ -91,6 +92,31 @@ def test_just_below_the_least_peak_the_nearest_settings_are_that_near():
     search = GroupingSearch(task, Freedom.usual(task, ((0,),)), lambda: None)
     here = search.nearly_feasible(np.log([0.02, 100.0]))
     assert 1.0002 < search.slowest_demand(here)[0].value < 1.0004
+
+
+@pytest.mark.parametrize(("epsilon", "arrangement", "least"), [
+    (0.935, Arrangement.INDEPENDENT, 1.00402), (0.9304285, Arrangement.IDENTICAL, 1.00001),
+])  # fmt: skip
+def test_just_beyond_what_is_feasible_the_end_is_soon_and_the_nearest_are_that_near(
+    monkeypatch, epsilon, arrangement, least
+):
+    """AB13MD, tau_I = 1e6, the best of all gains: peaks of 1.00402 and 1.00001."""
+    plant = first_order(2, 1, 20, 0.9)
+    uncertainty = Uncertainty.from_error(epsilon, 1)
+    asked = 0
+    evaluate = Together.evaluate
+
+    def counted(self, *arguments, **more):
+        nonlocal asked
+        asked += 1
+        return evaluate(self, *arguments, **more)
+
+    monkeypatch.setattr(Together, "evaluate", counted)
+    result = run(plant, arrangement, uncertainty=uncertainty)
+    assert result.status is Status.INFEASIBLE
+    peak = float(result.reason.split("mu = ")[1].split()[0])
+    assert least < peak < least + 7e-5
+    assert asked < 4000  # 11,700 where descents went on from what no tau_P serves
 
 
 def test_a_price_in_the_value_is_no_number_too_large():
