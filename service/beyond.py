@@ -11,25 +11,27 @@ from service.wording import number
 from solver.model.errors import InvalidInputError, UnsupportedPlantError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
+    from service.schemas.alternatives import Alternative
     from service.schemas.tunings import TuningRequest
     from solver.limits.comparison import ControllerComparison, Entry
 
-__all__ = ["NAMES", "SHORTEST", "alternatives_to_json", "unfinished", "with_limit"]
+__all__ = ["SHORTEST", "alternatives_to_json", "comparison_table", "unfinished", "with_limit"]
 
 NAMES = {
     "identical_pi": "identical PI",
     "unlike_pi": "unlike PI",
     "unlike_pid": "PID",
     "unlike_pidf": "PIDF",
-    "static_decoupling": "static decoupling, PI",
-    "one_way_decoupling": "one-way decoupling, PI",
+    "static_decoupling": "static decoupling",
+    "one_way_decoupling": "one-way decoupling",
     "inverse": "plant's inverse",
-    "mode_control": "mode control, PI",
-    "pairs": "decoupled pairs, PI",
-    "multivariable": "multivariable, built",
+    "mode_control": "mode control",
+    "pairs": "decoupled pairs",
+    "multivariable": "multivariable",
 }
+LOOPS = ("identical_pi", "unlike_pi", "unlike_pid", "unlike_pidf")
 SYMBOLS = {"tau_p": "τP", "mu": "μ"}  # of what is made small
 LARGEST_SHOWN = 20  # units up to which a full controller is written down
 
@@ -112,6 +114,57 @@ def alternatives_to_json(comparison: ControllerComparison) -> dict[str, Any]:
     return {**document, "verdict": _verdict(document, limit.objective, limit.reason)}
 
 
+def comparison_table(
+    alternatives: Sequence[Alternative],
+    objective: str,
+    limit: float | None,
+    lower_bound: float | None,
+) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    """Return heads and rows of a comparison: value, ratio, and what one loop in manual costs.
+
+    Parameters
+    ----------
+    alternatives : sequence of Alternative
+        The kinds of controllers.
+    objective : str
+        "tau_p" or "mu": what was made small.
+    limit, lower_bound : float or None
+        What was found over all of them, and what none can pass.
+
+    """
+    best = next((each for each in alternatives if each.ratio == 1), None)
+    reference = None if best is None else best.value
+    over = "" if best is None else f"over {best.title}"
+    heads = "", SYMBOLS[objective], over, "μ, one in manual"
+    rows: list[tuple[str, ...]] = [
+        (each.title, _value(each), _ratio(each.value, reference), _manual(each))
+        for each in alternatives
+    ]
+    if limit is not None:
+        rows.append(("any controller, of any order", number(limit), _ratio(limit, reference), ""))
+    if lower_bound:
+        below = number(lower_bound), _ratio(lower_bound, reference), ""
+        rows.append(("proven: no linear one below", *below))
+    return heads, rows
+
+
+def _value(alternative: Alternative) -> str:
+    if alternative.value is None:
+        return "out of time" if alternative.time_limit else "none found"
+    return number(alternative.value)
+
+
+def _ratio(value: float | None, reference: float | None) -> str:
+    return number(value / reference, 3) if value and reference else ""
+
+
+def _manual(alternative: Alternative) -> str:
+    """Return the peak of mu of the others while the worst unit is in manual."""
+    if alternative.manual is None:
+        return ""
+    return number(alternative.manual.peak, 3) if alternative.manual.stable else "unstable"
+
+
 def _alternative(entry: Entry, reference: float | None) -> dict[str, Any]:
     structure = entry.structure
     settings: list[dict[str, Any]] = []
@@ -123,11 +176,14 @@ def _alternative(entry: Entry, reference: float | None) -> dict[str, Any]:
         if whole is not None and len(getattr(whole, "D", ())) <= LARGEST_SHOWN:
             controller = full_controller_document(whole)
     ratio = None if entry.value is None or reference is None else entry.value / reference
+    order = "" if entry.states is None else f", {entry.states} states"
     return {
         "family": entry.family.value,
+        "title": NAMES[entry.family.value] + order,
         "value": encode(entry.value),
         "ratio": ratio,
         "time_limit": entry.exhausted,
+        "states": entry.states,
         "manual": encode(entry.manual),
         "guarantee": encode(entry.guarantee),
         "loops": encode(entry.loops),
@@ -138,45 +194,60 @@ def _alternative(entry: Entry, reference: float | None) -> dict[str, Any]:
 
 def _verdict(document: dict[str, Any], objective: str, reason: str | None) -> str:
     """Return the comparison in words, a line each, from the numbers that stand beside it."""
-    values = {each["family"]: each["value"] for each in document["alternatives"]}
-    loops = _listed(values, ("identical_pi", "unlike_pi", "unlike_pid", "unlike_pidf"))
-    between = _listed(
-        values, ("static_decoupling", "one_way_decoupling", "inverse", "mode_control", "pairs")
+    found = {each["family"]: each for each in document["alternatives"]}
+    single = [found.pop(family) for family in LOOPS if family in found]
+    built = found.pop("multivariable", None)
+    out_of_time = any(each["time_limit"] for each in single) or not single
+    values = [_told(each) for each in single if each["value"] is not None]
+    within = " within the time" if out_of_time else ""
+    loops = (
+        f"Single loops reach {SYMBOLS[objective]} = {_listed(values)}"
+        if values
+        else f"No single loops were found{within} that meet the demand"
     )
-    out_of_time = [each["family"] for each in document["alternatives"] if each["time_limit"]]
-    within = " within the time" if out_of_time or not document["alternatives"] else ""
-    lines = [
-        f"Single loops: {SYMBOLS[objective]} = {loops}." if loops
-        else f"Single loops: none were found{within} that meet the demand."
-    ]  # fmt: skip
+    best = next((each for each in single if each["ratio"] == 1), None)
+    limit = document["limit"]
+    lines = [f"{loops}{_multivariable(built, limit, best, objective)}."]
+    between = [_told(each) for each in found.values() if each["value"] is not None]
+    missing = [each["title"] for each in found.values() if each["value"] is None]
     if between:
-        lines.append(f"In between: {between}.")
+        lines.append(f"In between, PI with {_listed(between)}.")
+    if missing:
+        ended = any(each["time_limit"] for each in found.values())
+        lines.append(f"None found{' within the time' if ended else ''}: {', '.join(missing)}.")
     bound = document["lower_bound"]["value"]
-    below = f"; nothing linear can go below {number(bound)}" if bound else ""
-    if document["limit"] is None:
+    below = f"; nothing linear can go below {number(bound, 3)}" if bound else ""
+    if limit is None:
         return "\n".join([*lines, f"Any controller: {reason or 'no limit was found'}{below}."])
-    built = values.get("multivariable")
-    reached = "none was built"
-    if built:
-        ratios = {each["family"]: each["ratio"] for each in document["alternatives"]}
-        reached = f"{number(built)} as built" + _against(ratios["multivariable"], objective)
-    lines.append(f"Multivariable controller: {reached}.")
-    lines.append(f"Any controller, of any order: {number(document['limit'])} was found{below}.")
+    lines.append(f"The best found of any order reaches {number(limit, 3)}{below}.")
     return "\n".join(lines)
 
 
-def _against(share: float | None, objective: str) -> str:
-    """Say what a share of the best single loops' value means."""
-    if share is None:
+def _multivariable(
+    built: dict[str, Any] | None, limit: float | None, best: dict[str, Any] | None, objective: str
+) -> str:
+    """Say what a multivariable controller reaches: one that is built, or else that of the limit."""
+    if built is not None and built["value"] is not None:
+        value = built["value"]
+        text = f"; a multivariable controller ({built['states']} states) reaches {number(value, 3)}"
+    elif limit is not None:
+        value = limit
+        text = f"; a multivariable controller could reach {number(value, 3)} (none was built)"
+    else:
         return ""
+    if best is None:
+        return text
+    share = value / best["value"]
     if objective == "mu":
-        return f", {share:.0%} of the best single loops' peak"
+        return f"{text}, {share:.0%} of {best['title']}'s"
     if share > 1 / 1.05:  # what rounds to 1.0 is nothing won
-        return ", no faster than the best single loops"
-    return f", {1 / share:.1f} times as fast as the best single loops"
+        return f"{text}, no faster than {best['title']}"
+    return f"{text}, {1 / share:.1f} times as fast as {best['title']}"
 
 
-def _listed(values: dict[str, float | None], families: tuple[str, ...]) -> str:
-    """Return the values that there are, each with its name."""
-    found = [f"{number(values[each])} ({NAMES[each]})" for each in families if values.get(each)]
-    return ", ".join(found)
+def _told(alternative: dict[str, Any]) -> str:
+    return f"{number(alternative['value'], 3)} ({alternative['title']})"
+
+
+def _listed(values: list[str]) -> str:
+    return " and ".join(filter(None, [", ".join(values[:-1]), values[-1]]))

@@ -69,7 +69,7 @@ class Grid:
 
 Part = Line | Grid
 
-_TIMES = frozenset({"τI", "τD", "τF", "Ti", "Td", "Tf", "Ki", "Kd"})
+_TIMES = frozenset({"τP", "τI", "τD", "τF", "Ti", "Td", "Tf", "Ki", "Kd"})
 _DURATIONS = frozenset(
     {"rise", "settle", "settling", "later change at", "delay", "from", "to", "period"}
     | {"half period", "dead time"}

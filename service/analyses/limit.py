@@ -13,7 +13,7 @@ from typing import Any, Literal
 from pydantic import ConfigDict, Field, JsonValue
 
 from service.analysis import Analysis, Figures, LongWork, OnProgress
-from service.beyond import NAMES, SHORTEST, alternatives_to_json
+from service.beyond import SHORTEST, alternatives_to_json, comparison_table
 from service.printing import Grid, Line, Part, peaks_grid, proof_lines, warning_lines
 from service.schemas.alternatives import Alternative, LowerBound
 from service.schemas.controllers import Loop
@@ -23,7 +23,6 @@ from service.schemas.fields import AnalysisRequest, ResultModel
 from service.schemas.jobs import JobState
 from service.schemas.peaks import CURVES_EXAMPLE, PEAK_EXAMPLE, Curves, Guarantee, Peaks
 from service.schemas.tunings import TuningRequest
-from service.wording import number
 
 __all__ = ["ANALYSIS", "LimitRequest", "LimitResult"]
 
@@ -233,32 +232,14 @@ def table(result: LimitResult) -> list[Part]:
     """Return the verdict, the table and the peaks."""
     parts: list[Part] = [Line(text, "strong") for text in result.verdict.splitlines()]
     built = result.multivariable
-    rows = [
-        (NAMES[each.family], _text(each.value), _text(each.ratio), *_manual(each))
-        for each in result.alternatives
-    ]
-    rows += [
-        ("multivariable, limit found", _text(result.value), "", "", ""),
-        ("no controller below", _text(result.lower_bound.value), "", "", ""),
-    ]
-    heads = ("", result.objective, "ratio", "one in manual", "mu then")
-    parts.append(Grid(heads, rows, frozenset({0, 3})))
+    least = result.lower_bound.value
+    parts.append(
+        Grid(*comparison_table(result.alternatives, result.objective, result.value, least))
+    )
     if built is not None:
         parts.append(peaks_grid(built.peaks))
         parts += proof_lines(None, built.guarantee)
     return [*parts, *warning_lines(result.warnings)]
-
-
-def _manual(alternative: Alternative) -> tuple[str, str]:
-    """Return what putting the worst unit in manual does to the others."""
-    found = alternative.manual
-    if found is None:
-        return "", ""
-    return ("stable" if found.stable else "UNSTABLE", _text(found.peak))
-
-
-def _text(value: float | None) -> str:
-    return "none" if value is None else number(value)
 
 
 def draw(result: DrawnLimit, unit: str) -> dict[str, Any]:

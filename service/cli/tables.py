@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Literal
 
+from service.beyond import comparison_table
 from service.model_wording import tolerance_lines
 from service.printing import (
     CURVES,
@@ -17,6 +18,7 @@ from service.printing import (
     warning_lines,
 )
 from service.schemas import TuningResult
+from service.schemas.alternatives import Alternatives
 from service.schemas.settings_nearby import SettingsTolerance
 from service.schemas.tunings import Comparison, SearchSummary
 from service.settings_wording import range_rows, resolution_text, together_text, tolerance_text
@@ -49,6 +51,8 @@ def tuning_table(result: TuningResult, *, interrupted: bool = False) -> list[Par
         parts.append(Grid(("demand", "limit", "value", ""), demand_rows(result)))
     if result.as_found is not None and result.loops:
         parts.append(_beside_today(result))
+    if result.limit is not None:
+        parts += _others(result.limit, result.objective)
     typed = resolution_text(result)
     if typed is not None:
         parts.append(Line(typed))
@@ -60,6 +64,15 @@ def tuning_table(result: TuningResult, *, interrupted: bool = False) -> list[Par
     parts += [line for line in tolerance if line.style == "plain"]
     parts.append(Line(_search(result.search)))
     return [*parts, *warning_lines(result.warnings)]
+
+
+def _others(found: Alternatives, objective: str) -> Iterator[Part]:
+    """Yield what other kinds of controllers could do."""
+    yield from map(Line, found.verdict.splitlines())
+    if found.alternatives:
+        bound = found.lower_bound
+        least = None if bound is None else bound.value
+        yield Grid(*comparison_table(found.alternatives, objective, found.limit, least))
 
 
 def _beside_today(result: TuningResult) -> Grid:
@@ -196,7 +209,5 @@ def _sentences(result: TuningResult) -> Iterator[str]:
     optimality = optimality_text(result)
     if optimality is not None:
         yield optimality
-    if result.limit is not None:
-        yield from result.limit.verdict.splitlines()
     if result.integrity is not None:
         yield f"{result.integrity[0].upper()}{result.integrity[1:]}."

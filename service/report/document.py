@@ -18,6 +18,7 @@ from typing import Any
 
 from markupsafe import Markup
 
+from service.beyond import comparison_table
 from service.figures.document import plain
 from service.figures.style import Theme, template
 from service.figures.tuning import tuning_figures
@@ -119,6 +120,7 @@ def report_html(tuned: RequestedTuning, made_at: datetime, job: str | None = Non
         model_tolerance=[line.text for line in tolerance_lines(result.model_tolerance)],
         certificate_link=_data_url(json.dumps(result.certificate)),
         demands=demand_rows(result),
+        others=_others(tuned),
         asked=_asked(tuned),
         scenarios=_scenarios(tuned),
         spread=spread_lines(result),
@@ -139,6 +141,18 @@ def report_html(tuned: RequestedTuning, made_at: datetime, job: str | None = Non
         style=source("report.css"),
         policy=POLICY,
     )
+
+
+def _others(tuned: RequestedTuning) -> dict[str, Any] | None:
+    """Return what other kinds of controllers could do: sentences, heads and rows of a table."""
+    found = tuned.result.limit
+    if found is None:
+        return None
+    bound = None if found.lower_bound is None else found.lower_bound.value
+    heads, rows = comparison_table(found.alternatives, tuned.result.objective, found.limit, bound)
+    heads = tuple(f"{head}, {tuned.unit}" if head == "τP" else head for head in heads)
+    verdict = [in_symbols(line, tuned.unit) for line in found.verdict.splitlines()]
+    return {"verdict": verdict, "heads": heads, "rows": rows if found.alternatives else []}
 
 
 def _feet(title: str, tuned: RequestedTuning, digest: str) -> Markup:

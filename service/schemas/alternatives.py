@@ -61,6 +61,7 @@ class Alternative(ResultModel):
         "identical_pi", "unlike_pi", "unlike_pid", "unlike_pidf", "static_decoupling",
         "one_way_decoupling", "inverse", "mode_control", "pairs", "multivariable",
     ] = Field(description="Which kind.", examples=["mode_control"])  # fmt: skip
+    title: str = Field(description="What it is called.", examples=["mode control"])
     value: float | None = Field(
         description="Its tau_p or mu; null: none was found that meets the demand.",
         examples=[13.76],
@@ -70,6 +71,11 @@ class Alternative(ResultModel):
     )
     time_limit: bool = Field(
         description="Whether the time limit ended its search.", examples=[False]
+    )
+    states: int | None = Field(
+        default=None,
+        description="Of the multivariable controller that is built; null: another kind.",
+        examples=[None],
     )
     manual: OneInManual | None = Field(
         description="What the worst unit in manual costs; null: one unit, or not computed.",

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from solver.limits.manual import OneInManual
     from solver.limits.record import Limit
-    from solver.limits.structure_search import StructuredController
+    from solver.limits.structure_search import StructuredController, StructuresFound
     from solver.model.controllers import Controller
     from solver.robustness.record import Guarantee
     from solver.tuning.record import Tuning
@@ -88,6 +88,8 @@ class Entry:
         Settings of single loops, one a unit; else empty.
     structure : StructuredController or None
         What lies between.
+    states : int or None
+        Of a full controller.
     guarantee : Guarantee or None
         What is known of mu over all frequencies.
     manual : OneInManual or None
@@ -101,6 +103,7 @@ class Entry:
     value: float | None
     loops: tuple[Controller, ...] = ()
     structure: StructuredController | None = None
+    states: int | None = None
     guarantee: Guarantee | None = None
     manual: OneInManual | None = None
     exhausted: bool = False
@@ -169,22 +172,15 @@ def compare_controllers(
                 found = _with_contained(found, entries[-1])
             entries.append(found)
     first = entries[0].loops if entries else ()
-    structured = {
-        each.kind.value: each
-        for each in structured_controllers(
-            plant,
-            uncertainty,
-            performance,
-            identical=first[0] if first and not mixed else None,
-            tick=until(BETWEEN_SHARE),
-        )
-    }
+    structured = structured_controllers(
+        plant,
+        uncertainty,
+        performance,
+        identical=first[0] if first and not mixed else None,
+        tick=until(BETWEEN_SHARE),
+    )
     whole = replace(specification, plant=plant)
-    entries += [
-        _between(whole, structured[each], each, until(BETWEEN_SHARE))
-        for each in STRUCTURES
-        if each in structured
-    ]
+    entries += _between(whole, structured, until(1.0))
     limit = multivariable_limit(plant, uncertainty, performance, tick=until(1.0))
     if limit.realised is not None:
         built = limit.realised
@@ -199,7 +195,13 @@ def compare_controllers(
             until(1.0),
         )
         entries.append(
-            Entry(Family.MULTIVARIABLE, value, guarantee=built.robustness.guarantee, manual=manual)
+            Entry(
+                Family.MULTIVARIABLE,
+                value,
+                states=built.states,
+                guarantee=built.robustness.guarantee,
+                manual=manual,
+            )
         )
     limit = _no_worse(limit, entries)
     warnings = list(limit.warnings)
@@ -316,16 +318,24 @@ def _value(tuning: Tuning) -> float | None:
 
 
 def _between(
-    specification: Specification,
-    found: StructuredController,
-    family: Family,
-    tick: Callable[[], None],
-) -> Entry:
-    performance = specification.performance.with_tau_p(found.tau_p)
-    manual = None
-    if found.controller is not None:
-        manual = controller_in_manual(
-            specification.plant, specification.uncertainty, performance, found.controller, tick
+    specification: Specification, structured: StructuresFound, tick: Callable[[], None]
+) -> list[Entry]:
+    """Return an entry for each structure that the plant can have."""
+    entries = {kind.value: Entry(Family(kind.value), None) for kind in structured.none}
+    for kind in structured.ended:
+        entries[kind.value] = Entry(Family(kind.value), None, exhausted=True)
+    for found in structured.found:
+        performance = specification.performance.with_tau_p(found.tau_p)
+        manual = None
+        if found.controller is not None:
+            manual = controller_in_manual(
+                specification.plant, specification.uncertainty, performance, found.controller, tick
+            )
+        entries[found.kind.value] = Entry(
+            Family(found.kind.value),
+            found.value,
+            structure=found,
+            guarantee=found.robustness.guarantee,
+            manual=manual,
         )
-    guarantee = found.robustness.guarantee
-    return Entry(family, found.value, structure=found, guarantee=guarantee, manual=manual)
+    return [entries[family.value] for family in STRUCTURES if family.value in entries]

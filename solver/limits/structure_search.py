@@ -7,6 +7,7 @@ the exact upper bound at its best scales. The grid takes up the peaks that a den
 
 from __future__ import annotations
 
+import contextlib
 import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -40,7 +41,7 @@ if TYPE_CHECKING:
     from solver.model.weights import Performance, Uncertainty
     from solver.robustness.centralised import Centralised
 
-__all__ = ["StructuredController", "structured_controllers"]
+__all__ = ["StructuredController", "StructuresFound", "structured_controllers"]
 
 POINTS_PER_DECADE = 12.0
 MATRIX_POINTS = 8.0  # a scale for each channel: mu costs a hundred times as much
@@ -100,6 +101,26 @@ class StructuredController:
     robustness: Centralised
 
 
+@dataclass(frozen=True)
+class StructuresFound:
+    """What was found of the structures that a plant can have.
+
+    Attributes
+    ----------
+    found : tuple of StructuredController
+        The best controller of each structure, the best one first.
+    none : tuple of StructureKind
+        Structures of which no settings were found that meet the demand.
+    ended : tuple of StructureKind
+        Structures whose search was ended before it found any.
+
+    """
+
+    found: tuple[StructuredController, ...]
+    none: tuple[StructureKind, ...] = ()
+    ended: tuple[StructureKind, ...] = ()
+
+
 def structured_controllers(
     plant: Plant,
     uncertainty: Uncertainty,
@@ -107,8 +128,8 @@ def structured_controllers(
     *,
     identical: Controller | None = None,
     tick: Callable[[], None] = lambda: None,
-) -> list[StructuredController]:
-    """Return the best controller of each structure that this plant can have, the best one first.
+) -> StructuresFound:
+    """Return the best controller of each structure that this plant can have.
 
     Parameters
     ----------
@@ -129,15 +150,23 @@ def structured_controllers(
     bandwidth = bandwidth_of(plant, uncertainty, bends)
     youla = youla_blocks(central_blocks(plant, uncertainty), SPAN * float(bends.max()))
     best: dict[StructureKind, StructuredController] = {}
-    for structure in structures(plant, uncertainty, youla, bandwidth, identical):
-        try:
+    left = structures(plant, uncertainty, youla, bandwidth, identical)
+    kinds = tuple(dict.fromkeys(structure.kind for structure in left))
+    with contextlib.suppress(EnoughError):
+        while left:
+            structure = left[0]
             found = _StructureSearch(structure, uncertainty, performance, tick).run()
-        except EnoughError:
-            break
-        before = best.get(structure.kind)
-        if found is not None and (before is None or found.value < before.value):
-            best[structure.kind] = _given_back(found, scaled)
-    return sorted(best.values(), key=lambda each: each.value)
+            left = left[1:]
+            before = best.get(structure.kind)
+            if found is not None and (before is None or found.value < before.value):
+                best[structure.kind] = _given_back(found, scaled)
+    unsought = {structure.kind for structure in left}
+    missing = [kind for kind in kinds if kind not in best]
+    return StructuresFound(
+        tuple(sorted(best.values(), key=lambda each: each.value)),
+        none=tuple(kind for kind in missing if kind not in unsought),
+        ended=tuple(kind for kind in missing if kind in unsought),
+    )
 
 
 def _given_back(found: StructuredController, scaled: OneScale) -> StructuredController:

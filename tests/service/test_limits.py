@@ -10,11 +10,15 @@ import pytest
 from service.analyses.limit import ANALYSIS, LimitRequest, LimitResult
 from service.analyses.robustness import ANALYSIS as ROBUSTNESS
 from service.analyses.robustness import RobustnessRequest
-from service.beyond import with_limit
-from service.printing import Line
+from service.beyond import alternatives_to_json, comparison_table, with_limit
+from service.printing import Grid, Line, in_unit
 from service.schemas.alternatives import Alternatives
 from service.schemas.tunings import TuningRequest
 from service.wording import number
+from solver.limits.comparison import ControllerComparison, Entry, Family
+from solver.limits.lower_bound import Limitation, LowerBound
+from solver.limits.manual import OneInManual
+from solver.limits.record import Limit, LimitStatus
 from solver.model.errors import InvalidInputError
 from solver.model.mode_controller import ModeController
 from solver.model.plants import first_order
@@ -56,19 +60,32 @@ def test_values_are_in_order_and_the_verdict_quotes_them(answer: dict[str, Any])
         if (value := families[name].value) is not None
     )
     ratio = best / result.multivariable.tau_p
-    assert f", {ratio:.1f} times as fast as the best single loops." in result.verdict
-    assert f"of any order: {number(result.value)} was found" in result.verdict
+    (title,) = (each.title for each in result.alternatives if each.ratio == 1)
+    assert f", {ratio:.1f} times as fast as {title}." in result.verdict
+    assert f"of any order reaches {number(result.value, 3)}" in result.verdict
+    assert f"({result.multivariable.states} states)" in result.verdict
     assert families["identical_pi"].value == pytest.approx(result.decentralised.value, rel=1e-6)
     assert families["multivariable"].value == result.multivariable.tau_p
     for each in result.alternatives:
         assert each.value is not None
         assert each.ratio == pytest.approx(each.value / best)
-        assert number(each.value) in result.verdict
+        assert number(each.value, 3) in result.verdict
         assert each.manual is not None
         assert each.manual.stable
-    first = ANALYSIS.table(result)[0]
-    assert isinstance(first, Line)
-    assert first.text == result.verdict.splitlines()[0]
+    parts = ANALYSIS.table(result)
+    assert isinstance(parts[0], Line)
+    assert parts[0].text == result.verdict.splitlines()[0]
+    grid = next(part for part in in_unit(parts, "min") if isinstance(part, Grid))
+    assert list(grid.heads) == ["", "τP, min", f"over {title}", "μ, one in manual"]
+    rows = {row[0]: row[1:] for row in grid.rows}
+    for each in result.alternatives:
+        assert each.value is not None
+        assert each.manual is not None
+        value, ratio, manual = rows[each.title]
+        assert (value, ratio) == (number(each.value), number(each.value / best, 3))
+        assert manual == number(each.manual.peak, 3)
+    assert rows["any controller, of any order"][0] == number(result.value)
+    assert rows["proven: no linear one below"][0] == number(result.lower_bound.value)
 
 
 def test_the_controller_in_the_result_has_the_peak_beside_it(answer: dict[str, Any]) -> None:
@@ -143,6 +160,37 @@ def test_a_comparison_keeps_its_time_limit_as_a_whole() -> None:
 def _beside(**search: Any) -> dict[str, Any]:
     request = TuningRequest.model_validate({**REQUEST, "search": search})
     return with_limit(request, {"search": {"elapsed_seconds": 0.5}})
+
+
+def test_kinds_without_a_value_say_why() -> None:
+    """None found and out of time are not the same; a loop that runs away in manual is named."""
+    bound = LowerBound(0.5, 1j, Limitation.UNCERTAINTY)
+    entries = (
+        Entry(Family.UNLIKE_PI, 8.0, manual=OneInManual(0, stable=False, peak=None)),
+        Entry(Family.UNLIKE_PID, None, exhausted=True),
+        Entry(Family.STATIC_DECOUPLING, None),
+        Entry(Family.MODE_CONTROL, None, exhausted=True),
+    )
+    limit = Limit(LimitStatus.TIME_LIMIT, "tau_p", 4.0, bound)
+    document = alternatives_to_json(ControllerComparison(entries, limit))
+    found = Alternatives.model_validate(document)
+    heads, rows = comparison_table(found.alternatives, "tau_p", found.limit, 0.5)
+    assert heads == ("", "τP", "over unlike PI", "μ, one in manual")
+    assert rows == [
+        ("unlike PI", "8", "1", "unstable"),
+        ("PID", "out of time", "", ""),
+        ("static decoupling", "none found", "", ""),
+        ("mode control", "out of time", "", ""),
+        ("any controller, of any order", "4", "0.5", ""),
+        ("proven: no linear one below", "0.5", "0.0625", ""),
+    ]
+    first, *others = found.verdict.splitlines()
+    assert first.startswith("Single loops reach τP = 8 (unlike PI); a multivariable controller")
+    assert first.endswith("could reach 4 (none was built), 2.0 times as fast as unlike PI.")
+    assert others == [
+        "None found within the time: static decoupling, mode control.",
+        "The best found of any order reaches 4; nothing linear can go below 0.5.",
+    ]
 
 
 def test_a_tuning_has_a_limit_only_where_it_was_asked_for() -> None:

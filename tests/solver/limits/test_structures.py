@@ -7,6 +7,7 @@ import functools
 import numpy as np
 import pytest
 
+from solver.limits.ending import EnoughError
 from solver.limits.manual import controller_in_manual, loops_in_manual
 from solver.limits.structure_search import StructuredController, structured_controllers
 from solver.limits.structures import StructureKind
@@ -43,14 +44,15 @@ def identical() -> tuple[float, Controller]:
 def parallel() -> dict[StructureKind, StructuredController]:
     """All structures of four parallel units."""
     loop = identical()[1]
-    found = structured_controllers(PLANT, UNCERTAINTY, Performance(), identical=loop)
+    found = structured_controllers(PLANT, UNCERTAINTY, Performance(), identical=loop).found
     return {each.kind: each for each in found}
 
 
 @functools.cache
 def matrix() -> dict[StructureKind, StructuredController]:
     """All structures of a matrix plant, least mu."""
-    return {each.kind: each for each in structured_controllers(WOOD_BERRY, UNCERTAINTY, SLOW)}
+    found = structured_controllers(WOOD_BERRY, UNCERTAINTY, SLOW).found
+    return {each.kind: each for each in found}
 
 
 def test_a_structure_that_holds_another_is_no_slower() -> None:
@@ -113,12 +115,28 @@ def test_static_decoupling_decouples() -> None:
     assert min(abs(through[0, 1]), abs(through[1, 0])) < 1e-9
 
 
+def test_what_was_not_found_is_told_from_what_was_not_sought() -> None:
+    """No decoupler of the published plant meets the demand; one that is ended at once is not it."""
+    plant = first_order(2, 1.0, 100.0, 0.999)
+    whole = structured_controllers(plant, UNCERTAINTY, Performance(tau_p=None))
+    assert StructureKind.STATIC_DECOUPLING in whole.none
+    assert not whole.ended
+
+    def enough() -> None:
+        raise EnoughError
+
+    ended = structured_controllers(plant, UNCERTAINTY, Performance(), tick=enough)
+    assert not ended.found
+    assert not ended.none
+    assert set(ended.ended) == {*whole.none, *(each.kind for each in whole.found)}
+
+
 def test_scaling_units_and_time_scales_the_answer() -> None:
     """In seconds and with outputs in per mille the settings and tau_P are the same."""
     scaled = structured_controllers(
         first_order(4, 1000.0, 600.0, 0.4), Uncertainty.from_error(0.2, 60.0), Performance()
     )
-    values = {each.kind: each.value for each in scaled}
+    values = {each.kind: each.value for each in scaled.found}
     kind = StructureKind.STATIC_DECOUPLING
     assert values[kind] == pytest.approx(60 * parallel()[kind].value, rel=1e-4)
 

@@ -86,7 +86,7 @@ def test_structures_are_those_of_the_plant_as_given(monkeypatch: pytest.MonkeyPa
     """A decoupler on outputs of unlike spans: the value is that of its controller, by AB13MD."""
     monkeypatch.setattr(structure_search, "STARTS", 1)
     demand = Performance(tau_p=6.0, output_scale=ERRORS)
-    found = structured_controllers(UNITS, UNCERTAINTY, demand)
+    found = structured_controllers(UNITS, UNCERTAINTY, demand).found
     assert found
     for each in found:
         mu = mu_by_ab13md(UNITS, each.controller, 6.0)
