@@ -33,6 +33,7 @@ NAMES = {
 }
 LOOPS = ("identical_pi", "unlike_pi", "unlike_pid", "unlike_pidf")
 SYMBOLS = {"tau_p": "τP", "mu": "μ"}  # of what is made small
+NOTHING_WON = 1 / 1.05  # of the best single loops' value: a factor that rounds to 1.0
 LARGEST_SHOWN = 20  # units up to which a full controller is written down
 
 SHORTEST = 1e-3  # seconds: too few for anything but the lower bound
@@ -194,6 +195,12 @@ def _alternative(entry: Entry, reference: float | None) -> dict[str, Any]:
 
 def _verdict(document: dict[str, Any], objective: str, reason: str | None) -> str:
     """Return the comparison in words, a line each, from the numbers that stand beside it."""
+    bound = document["lower_bound"]["value"]
+    below = f"; nothing linear can go below {number(bound, 3)}" if bound else ""
+    limit = document["limit"]
+    nothing = limit is None and all(each["value"] is None for each in document["alternatives"])
+    if nothing and document["status"] == "time_limit":
+        return f"No time was left for other controllers: allow more (search.time_limit){below}."
     found = {each["family"]: each for each in document["alternatives"]}
     single = [found.pop(family) for family in LOOPS if family in found]
     built = found.pop("multivariable", None)
@@ -206,17 +213,14 @@ def _verdict(document: dict[str, Any], objective: str, reason: str | None) -> st
         else f"No single loops were found{within} that meet the demand"
     )
     best = next((each for each in single if each["ratio"] == 1), None)
-    limit = document["limit"]
     lines = [f"{loops}{_multivariable(built, limit, best, objective)}."]
     between = [_told(each) for each in found.values() if each["value"] is not None]
     missing = [each["title"] for each in found.values() if each["value"] is None]
     if between:
-        lines.append(f"In between, PI with {_listed(between)}.")
+        lines.append(f"In between: {_listed(between)}.")
     if missing:
         ended = any(each["time_limit"] for each in found.values())
         lines.append(f"None found{' within the time' if ended else ''}: {', '.join(missing)}.")
-    bound = document["lower_bound"]["value"]
-    below = f"; nothing linear can go below {number(bound, 3)}" if bound else ""
     if limit is None:
         return "\n".join([*lines, f"Any controller: {reason or 'no limit was found'}{below}."])
     lines.append(f"The best found of any order reaches {number(limit, 3)}{below}.")
@@ -238,9 +242,11 @@ def _multivariable(
     if best is None:
         return text
     share = value / best["value"]
+    if built is None and share > NOTHING_WON:
+        return "; no multivariable controller was found that does better"
     if objective == "mu":
         return f"{text}, {share:.0%} of {best['title']}'s"
-    if share > 1 / 1.05:  # what rounds to 1.0 is nothing won
+    if share > NOTHING_WON:
         return f"{text}, no faster than {best['title']}"
     return f"{text}, {1 / share:.1f} times as fast as {best['title']}"
 

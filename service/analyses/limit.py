@@ -233,9 +233,10 @@ def table(result: LimitResult) -> list[Part]:
     parts: list[Part] = [Line(text, "strong") for text in result.verdict.splitlines()]
     built = result.multivariable
     least = result.lower_bound.value
-    parts.append(
-        Grid(*comparison_table(result.alternatives, result.objective, result.value, least))
-    )
+    if result.value is not None or any(each.value is not None for each in result.alternatives):
+        parts.append(
+            Grid(*comparison_table(result.alternatives, result.objective, result.value, least))
+        )
     if built is not None:
         parts.append(peaks_grid(built.peaks))
         parts += proof_lines(None, built.guarantee)

@@ -69,7 +69,7 @@ def tuning_table(result: TuningResult, *, interrupted: bool = False) -> list[Par
 def _others(found: Alternatives, objective: str) -> Iterator[Part]:
     """Yield what other kinds of controllers could do."""
     yield from map(Line, found.verdict.splitlines())
-    if found.alternatives:
+    if any(each.value is not None for each in found.alternatives):
         bound = found.lower_bound
         least = None if bound is None else bound.value
         yield Grid(*comparison_table(found.alternatives, objective, found.limit, least))

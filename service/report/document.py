@@ -152,7 +152,8 @@ def _others(tuned: RequestedTuning) -> dict[str, Any] | None:
     heads, rows = comparison_table(found.alternatives, tuned.result.objective, found.limit, bound)
     heads = tuple(f"{head}, {tuned.unit}" if head == "τP" else head for head in heads)
     verdict = [in_symbols(line, tuned.unit) for line in found.verdict.splitlines()]
-    return {"verdict": verdict, "heads": heads, "rows": rows if found.alternatives else []}
+    there = any(each.value is not None for each in found.alternatives)
+    return {"verdict": verdict, "heads": heads, "rows": rows if there else []}
 
 
 def _feet(title: str, tuned: RequestedTuning, digest: str) -> Markup:

@@ -23,7 +23,7 @@ export function evidence(job, name) {
     const figures = h("div", { class: "figures" }, waiting(4));
     put(inside, h("div", { class: "cards" }, result.peaks && peaks(result.peaks), settings(job),
       result.demands.length > 0 && demands(job), result.settings_tolerance && ranges(job),
-      result.as_found && today(job), result.limit?.alternatives.length > 0 && others(result),
+      result.as_found && today(job), result.limit?.alternatives.some((one) => one.value) && others(result),
       result.certificate && certificate(job, name), asked(job, name)), figures);
     showFigures(figures, figuresOf(id), name);
   });
@@ -62,13 +62,13 @@ function demands({ result: { demands: asked } }) {
 /** What other kinds of controllers could do. @param {any} result */
 function others({ objective, limit: { alternatives, limit, lower_bound: bound } }) {
   const best = alternatives.find((/** @type {any} */ one) => one.ratio === 1);
-  const over = (value) => (best && value > 0 ? number(value / best.value, 3) : "");
+  const over = (value) => (best && value > 0 ? number(value / best.value, 2) : "");
   const row = (title, value, manual = "") => [title, value > 0 ? number(value) : value, over(value), manual];
   const rows = alternatives.map(({ title, value, time_limit: ended, manual }) =>
     row(title, value ?? (ended ? "out of time" : "none found"),
       manual ? (manual.stable ? number(manual.peak, 3) : "unstable") : ""));
-  if (limit) rows.push(row("Any controller, of any order", limit));
-  if (bound?.value) rows.push(row("Proven: no linear one below", bound.value));
+  if (limit) rows.push(row("any controller", limit));
+  if (bound?.value) rows.push(row("none below, proven", bound.value));
   return card("What other controllers could do", table("For the same demand under the same uncertainty",
     ["", objective === "tau_p" ? `τₚ, ${timeUnit()}` : "μ", best ? `over ${best.title}` : "", "μ, one in manual"],
     rows),

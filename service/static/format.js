@@ -80,7 +80,7 @@ const PLAIN = [
   [/\(?\bfrom 0\b\)?(?!\.\d| (to|on)\b)/g, "counted from 1"],
   [/\(mutune tune\)/g, "(Tune)"], [/\(mutune limit\)/g, "(Tune, with the limit asked for under Search)"],
   [/: ask `mutune limit`/g, ""], [/ \(mutune identify\)/g, " (From a record)"], [/: mutune parallel-drives/g, ""],
-  [/\bperformance\./g, ""], [/(?<=[a-z])_(?=[a-z])/g, " "],
+  [/\bperformance\.(?=\w)/g, ""], [/(?<=[a-z])_(?=[a-z])/g, " "],
 ];
 
 /** @param {string} text */

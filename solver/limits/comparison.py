@@ -109,7 +109,7 @@ class Entry:
     exhausted: bool = False
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class ControllerComparison:
     """All kinds for one demand.
 
@@ -127,6 +127,14 @@ class ControllerComparison:
     entries: tuple[Entry, ...]
     limit: Limit
     warnings: tuple[str, ...] = field(default=())
+
+    def __repr__(self) -> str:
+        """Return the value of each kind, and the limit, in a line."""
+        values = [
+            f"{each.family.value} {'-' if each.value is None else f'{each.value:.5g}'}"
+            for each in self.entries
+        ]
+        return f"ControllerComparison({', '.join([*values, repr(self.limit)])})"
 
     @property
     def best_loops(self) -> Entry | None:
@@ -244,7 +252,8 @@ def _no_worse(limit: Limit, entries: list[Entry]) -> Limit:
     if best is None or (limit.value is not None and limit.value <= values[best]):
         return limit
     status = LimitStatus.FOUND if limit.status is LimitStatus.INFEASIBLE else limit.status
-    warning = f"no controller was found that is better than {best.value}: the limit is its value"
+    name = best.value.replace("_", " ")
+    warning = f"no controller was found that is better than {name}: the limit is its value"
     warnings = (*limit.warnings, warning)
     return replace(limit, status=status, value=values[best], reason=None, warnings=warnings)
 

@@ -63,7 +63,7 @@ class Realised:
         return sum(int(np.count_nonzero(part.poles.real > 0)) for part in parts)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Limit:
     """What a multivariable controller could do.
 
@@ -94,6 +94,20 @@ class Limit:
     realised: Realised | None = None
     reason: str | None = None
     warnings: tuple[str, ...] = field(default=())
+
+    def __repr__(self) -> str:
+        """Return what was found, its bound and what is built, in a line."""
+        value = "none" if self.value is None else f"{self.value:.5g}"
+        parts = [self.status.value, f"{self.objective} {value}"]
+        if self.realised is not None:
+            built = self.realised
+            peaks = built.robustness.peaks
+            reached = f"{built.states} states at tau_p {built.tau_p:.5g}"
+            if peaks is not None:
+                reached += f", mu {peaks.robust_performance.value:.4g}"
+            parts.append(f"built of {reached}")
+        parts.append(f"lower bound {self.lower_bound.value:.5g}")
+        return f"Limit({', '.join(parts)})"
 
     @property
     def gap(self) -> float | None:

@@ -102,7 +102,7 @@ def require_alike(uncertainty: Uncertainty, made: str) -> None:
 
     """
     if uncertainty.unlike_inputs:
-        message = f"{made} inputs of one uncertainty"
+        message = f"{made} inputs of one uncertainty: give all of them the largest"
         raise InvalidInputError(message, "/uncertainty")
     if uncertainty.outputs is not None:
         message = f"{made} errors of the inputs alone"

@@ -215,6 +215,7 @@ def test_how_far_from_the_best_possible(watched: Watched, tuned: tuple[str, str]
     expect(hero).to_contain_text("Proven: no settings in such groups")
     expect(hero).to_contain_text("go below 25.7")
     expect(hero).to_contain_text("Loops out of service")
+    expect(hero).to_contain_text("robust performance")
     watched.inspect("optimality")
 
 

@@ -154,7 +154,7 @@ def test_a_comparison_keeps_its_time_limit_as_a_whole() -> None:
     assert answer.status == "time_limit"
     assert answer.value is None
     assert answer.lower_bound.value is not None
-    assert "ended before" in answer.verdict
+    assert "No time was left" in answer.verdict
 
 
 def _beside(**search: Any) -> dict[str, Any]:
@@ -205,7 +205,7 @@ def test_a_limit_for_which_no_time_is_left_says_so() -> None:
     assert found.limit is None
     assert found.lower_bound is not None
     assert found.lower_bound.value is not None
-    assert "ended before" in found.verdict
+    assert "No time was left" in found.verdict
 
 
 def test_what_was_found_before_the_end_is_kept() -> None:

@@ -17,13 +17,19 @@ from archived import archived, infeasible, published
 from playwright.sync_api import sync_playwright
 from zoo import COLUMN
 
+from service.beyond import alternatives_to_json, unfinished
 from service.cli.tuning import tune_file
 from service.report.document import report_html
 from service.schemas import parse_tuning_request
+from service.schemas.alternatives import Alternatives
 from service.tuned import RequestedTuning
 from solver.certificate.reading import read_certificate
 from solver.certificate.search import prove
 from solver.certificate.verify import verify
+from solver.limits.comparison import ControllerComparison, Entry, Family
+from solver.limits.lower_bound import Limitation, LowerBound
+from solver.limits.manual import OneInManual
+from solver.limits.record import Limit, LimitStatus
 from solver.model.controllers import Controller
 from solver.model.weights import Performance, Uncertainty
 from solver.tuning.tuner import tune
@@ -218,6 +224,27 @@ def test_values_to_type_are_in_per_cent_where_the_spans_are_known() -> None:
     assert "max controller gain 200 200 binds" in page.words
     assert "max controller gain 200 objective" in page.words
     assert "one out TIC-1 1" in page.words
+
+
+def test_other_kinds_of_controllers_stand_in_a_table(tuned: RequestedTuning) -> None:
+    """Sentence and table with the unit of time; where no time was left, the sentence alone."""
+    limit = Limit(LimitStatus.FOUND, "tau_p", 4.25, LowerBound(0.62, 1j, Limitation.UNCERTAINTY))
+    manual = OneInManual(0, stable=True, peak=1.33)
+    entries = (
+        Entry(Family.UNLIKE_PI, 18.4, manual=manual),
+        Entry(Family.MULTIVARIABLE, 4.46, states=38),
+    )
+    document = alternatives_to_json(ControllerComparison(entries, limit))
+    asked = tuned.request.model_copy(update={"time_unit": "min"})
+    found = tuned.result.model_copy(update={"limit": Alternatives.model_validate(document)})
+    page = Page(report_html(replace(tuned, request=asked, result=found, unit="min"), MADE))
+    assert "Single loops reach τP = 18.4 min (unlike PI); a multivariable controller" in page.words
+    assert "τP, min over unlike PI μ, one in manual unlike PI 18.4 1 1.33" in page.words
+    assert "multivariable, 38 states 4.46 0.242" in page.words
+    found = tuned.result.model_copy(update={"limit": Alternatives.model_validate(unfinished())})
+    page = Page(report_html(replace(tuned, result=found), MADE))
+    assert "the time was over" in page.words
+    assert "one in manual" not in page.words
 
 
 def test_the_certificate_is_in_the_file(tuned: RequestedTuning) -> None:

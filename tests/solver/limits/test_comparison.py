@@ -7,7 +7,14 @@ from dataclasses import replace
 
 import pytest
 
-from solver.limits.comparison import Entry, Family, _Deadlines, _no_worse, _with_contained
+from solver.limits.comparison import (
+    ControllerComparison,
+    Entry,
+    Family,
+    _Deadlines,
+    _no_worse,
+    _with_contained,
+)
 from solver.limits.ending import EnoughError
 from solver.limits.lower_bound import Limitation, LowerBound
 from solver.limits.record import Limit, LimitStatus
@@ -36,7 +43,16 @@ def test_the_limit_of_all_controllers_is_above_none_of_them(
     assert limit.value == after
     assert limit.status is status_after
     assert (limit.reason is None) == (after is not None)
-    assert any("mode_control" in each for each in limit.warnings) == (after == 3.0)
+    assert any("mode control" in each for each in limit.warnings) == (after == 3.0)
+
+
+def test_a_comparison_shows_itself_in_a_line() -> None:
+    """In a notebook values stand there, not curves and matrices."""
+    comparison = ControllerComparison(tuple(ENTRIES), Limit(LimitStatus.FOUND, "tau_p", 2.0, BOUND))
+    assert repr(comparison) == (
+        "ControllerComparison(unlike_pi 5, mode_control 3, pairs -, "
+        "Limit(found, tau_p 2, lower bound 1))"
+    )
 
 
 def test_a_kind_is_no_worse_than_the_one_it_contains() -> None:
