@@ -1,12 +1,13 @@
 """The limit beside D-K iteration: ``python -m bench.dk_iteration``, some minutes.
 
-SLH's column at tau_P = 10, a rational plant. With dkpy and slycot at hand (not dependencies:
-install them for this) dkpy's D-K iteration is run with D-scales of several orders, mu by SLICOT's
-AB13MD, since its own bisection ends in an error of its solver on this plant; else its line is left
-out.
+SLH's column at tau_P = 10 and their parallel plant at tau_P = 4, both rational. With dkpy and
+slycot at hand (not dependencies: install them for this) dkpy's D-K iteration is run with D-scales
+of several orders, mu by SLICOT's AB13MD, since its own bisection ends in an error of its solver on
+the column; else its lines are left out.
 Times are also told in sweeps of AB13MD over 121 frequencies, measured in the same run.
 """
 
+import itertools
 import sys
 import time
 
@@ -53,35 +54,54 @@ def tell(name, value, states, seconds, unit):
     sys.stdout.flush()
 
 
+def generalised(gains, lag, tau_p):
+    """Return [w_I u; w_P y; -y], y = G (u + d) + w, from [d; w; u]; the integrator of w_P slow."""
+    import control  # noqa: PLC0415
+
+    def constant(parts):
+        return control.ss([], [], [], np.block([parts]))
+
+    none, eye = np.zeros((2, 2)), np.eye(2)
+    plant = control.ss(-eye / lag, eye, gains / lag, none)
+    output = plant * constant([eye, none, eye]) + constant([none, eye, none])
+    w_I = control.tf2ss([1.0, 0.2], [0.5, 1.0])
+    w_P = control.tf2ss([tau_p / 2, 0.5], [tau_p, 1e-6 * tau_p])
+    moved = control.append(w_I, w_I) * constant([none, none, eye])
+    parts = control.append(moved, control.append(w_P, w_P) * output, -1 * output)
+    return control.minreal(parts * np.vstack([np.eye(6)] * 3), verbose=False)
+
+
 def by_dkpy(unit):
-    """Run dkpy's D-K iteration on its own copy of this column."""
+    """Run dkpy's D-K iteration on its own copy of this column, and on the parallel plant."""
     import dkpy  # noqa: PLC0415 - may be missing
     import slycot  # noqa: PLC0415
 
     class ByAb13md(dkpy.StructuredSingularValue):
         """mu and its scales by SLICOT."""
 
-        def compute_ssv(self, N, structure=None):  # noqa: ARG002 - its interface
+        def compute_ssv(self, N_omega, block_structure=None):  # noqa: ARG002 - its interface
             bounds, scales = [], []
-            for k in range(N.shape[2]):
-                bound, d, _, _ = slycot.ab13md(N[:, :, k], np.array([1, 1, 2]), np.full(3, 2))
+            for k in range(N_omega.shape[2]):
+                bound, d, _, _ = slycot.ab13md(N_omega[:, :, k], np.array([1, 1, 2]), np.full(3, 2))
                 bounds.append(bound)
                 scales.append(np.diag(d / d[-1]))
             D = np.stack(scales, -1).astype(complex)
             return np.array(bounds), D, D, {}
 
-    example = dkpy.example_skogestad2006_p325()
+    gains = np.array([[1.0, 0.949], [0.949, 1.0]])
+    plants = {
+        "column": dkpy.example_skogestad2006_p325()["P"],
+        "parallel, tau_P = 4": generalised(gains, 100.0, 4.0),
+    }
     blocks = [dkpy.ComplexFullBlock(1, 1), dkpy.ComplexFullBlock(1, 1), dkpy.ComplexFullBlock(2, 2)]
-    for order in range(1, 6):
+    for (name, plant), order in itertools.product(plants.items(), range(1, 6)):
         started = time.process_time()
         iteration = dkpy.DkIterListOrder(
             dkpy.HinfSynSlicot(), ByAb13md(), dkpy.DScaleFitSlicot(), fit_orders=[order] * 10
         )
-        K, _, _, rounds, _ = iteration.synthesize(
-            example["P"], example["n_y"], example["n_u"], OMEGA, blocks
-        )
+        K, _, _, rounds, _ = iteration.synthesize(plant, 2, 2, OMEGA, blocks)
         best = min(float(np.max(each.mu_omega)) for each in rounds[1:])
-        tell(f"dkpy, D of order {order}, best of 10", best, K.nstates,
+        tell(f"dkpy, {name}, D of order {order}", best, K.nstates,
              time.process_time() - started, unit)  # fmt: skip
 
 
@@ -103,6 +123,10 @@ def main():
         )
         tell(f"its proof ({again.guarantee.status.value})", again.guarantee.level,
              limit.realised.states, time.process_time() - started, unit)  # fmt: skip
+    started = time.process_time()
+    parallel = PARALLEL["n = 2, tau = 100, a = 0.949"]
+    limit = multivariable_limit(parallel, USUAL, Performance(tau_p=4.0))
+    tell("parallel, limit at tau_P = 4: mu", limit.value, 0, time.process_time() - started, unit)
     try:
         by_dkpy(unit)
     except ImportError as missing:

@@ -73,29 +73,30 @@ def draw(lines):
     )
     style |= {"svg.hashsalt": "", "svg.fonttype": "none", "font.size": 9}
     series = (
-        ("2", "100", "#0072B2", "o"),
-        ("2", "10", "#D55E00", "s"),
-        ("12", "100", "#009E73", "^"),
+        ("2", "100", "#0072B2", "o-"),
+        ("2", "10", "#D55E00", "s:"),  # on the first one where the limits are the same
+        ("12", "100", "#009E73", "^-"),
     )
     with mpl.rc_context(style):
         figure = Figure(figsize=(8, 3.2), layout="constrained")
         limit, lost = figure.subplots(1, 2)
-        for n, ratio, color, marker in series:
+        for n, ratio, color, form in series:
             own = [line for line in lines if (line["n"], line["ratio"]) == (n, ratio)]
             own.sort(key=lambda line: float(line["share"]))
             label = f"n = {n}, τ/θ = {ratio}"
             known = [line for line in own if line["limit"]]
             limit.plot([float(line["share"]) for line in known],
-                       [float(line["limit"]) for line in known], color, marker=marker, ms=4,
+                       [float(line["limit"]) for line in known], form, color=color, ms=4,
                        label=label)  # fmt: skip
             both = [line for line in known if line["grouped"]]
             lost.plot([float(line["share"]) for line in both],
-                      [float(line["grouped"]) / float(line["limit"]) for line in both], color,
-                      marker=marker, ms=4, label=label)  # fmt: skip
+                      [float(line["grouped"]) / float(line["limit"]) for line in both], form,
+                      color=color, ms=4, label=label)  # fmt: skip
         limit.set(xlabel="a as a share of its range", ylabel="limit of all controllers, τP/θ")
         lost.set(xlabel="a as a share of its range", ylabel="PI in two groups over the limit")
         for axes in (limit, lost):
             axes.legend(frameon=False)
+            axes.set_xticks([-1, -0.5, 0, 0.5, 1])
             axes.patch.set_alpha(0)
         figure.savefig(FIGURE, transparent=True, metadata={"Date": None})
 
