@@ -360,6 +360,16 @@ class GroupingSearch:
         if math.isfinite(found.merit):
             self._remember(_of_grid(found), count)
 
+    def beside(self, theta: NDArray[np.float64], tolerance: float) -> Candidate | None:
+        """Return the optimum on the whole axis beside one point, and remember it as its start's.
+
+        None: the point is too far from the demand.
+        """
+        found = self.exact.descend(theta, tolerance=tolerance)
+        if found is not None:
+            self._remember(found, 1)
+        return found
+
     def _is_known(self, here: Evaluation) -> bool:
         return self._known(_of_grid(here)) is not None
 

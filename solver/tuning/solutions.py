@@ -23,6 +23,7 @@ from solver.tuning.clock import OutOfTimeError
 from solver.tuning.demands import Demands
 from solver.tuning.exact import TRIFLE
 from solver.tuning.groupings import by_errors, coarser, merged
+from solver.tuning.phases import EXACT
 from solver.tuning.search import Freedom, GroupingSearch
 
 if TYPE_CHECKING:
@@ -171,25 +172,34 @@ class Solutions:
         return Solution(search, candidate if kept else None)
 
     def from_settings(self, freedom: Freedom, loops: Sequence[Controller]) -> Solution:
-        """Return the local optimum beside given settings, one a group."""
+        """Return the local optimum beside given settings, one a group.
+
+        It is never worse than these are where they keep what is asked.
+        """
         search = self._search(freedom)
         self.clock.total = 1
         theta = search.box.clip(self._theta_of(search, loops))
         self.clock.done += 1
-        if self.specification.rough:
-            return Solution(search, self._nearby(search, theta))
-        search.descend(theta)
-        search.hop()
-        return Solution(search, self._best(search, []))
-
-    def _nearby(self, search: GroupingSearch, theta: NDArray[np.float64]) -> Candidate | None:
-        """Return settings that are nearly the best beside `theta`, with their exact value."""
-        found = search.exact.descend(theta, tolerance=NEARLY)
+        found = search.beside(theta, NEARLY if self.specification.rough else EXACT)
         if found is None:  # too far from the demand: by way of its own phase
             search.descend(theta)
-            if search.optima:
-                found = search.exact.descend(search.optima[0].theta, tolerance=NEARLY)
-        return None if found is None else self._stabilised(search, found)
+            best = self._best(search, [])
+        else:
+            best = self._stabilised(search, found)
+        return Solution(search, self._or_start(search, theta, best))
+
+    def _or_start(
+        self, search: GroupingSearch, theta: NDArray[np.float64], best: Candidate | None
+    ) -> Candidate | None:
+        """Return the best settings found, or those begun with where they are better."""
+        here = search.objective.evaluate(theta)
+        # What some frequencies permit is no more than what all do.
+        if not math.isfinite(here.value) or (best is not None and best.value <= here.value):
+            return best
+        start = search.exact.measure(theta, here.s)
+        if math.isfinite(start.value) and self._is_better(search, start, best):
+            return start
+        return best
 
     def _search(self, freedom: Freedom) -> GroupingSearch:
         search = GroupingSearch(self.specification, freedom, self.clock.tick)
