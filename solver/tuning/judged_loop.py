@@ -8,7 +8,7 @@ from solver.mu.workspace import TINY, compiled
 from solver.tuning.goal_levels import all_demands, judged
 from solver.tuning.loop_levels import ends_at_rest, loop_levels, winds_as_stable
 
-__all__ = ["judged_loop", "vertices"]
+__all__ = ["judged_loop", "judged_loops", "vertices"]
 
 
 @compiled
@@ -41,6 +41,54 @@ def judged_loop(theta, signs, lead, omega, G, u, b, saturated, layout, terms, fi
     det = det[:fixed]
     winds = winds_as_stable(det, omega[:fixed])
     return level, gradient, demand, slope, value, s, missing, winds, ends_at_rest(det)
+
+
+@compiled
+def judged_loops(thetas, signs, lead, omega, G, u, b, saturated, layout, terms, nu, scales):
+    """Judge several settings at the same frequencies, each from scales of its own.
+
+    Parameters
+    ----------
+    thetas : (t, m)
+        The settings.
+    signs, lead, omega, G, u, b, saturated, layout, terms, nu
+        As for `judged_loop`.
+    scales : int
+        Number of scales.
+
+    Returns
+    -------
+    level, gradient, value, winds, rests : (t, k), (t, k, m), (t,), (t,), (t,)
+        Of each settings, as of `judged_loop`.
+
+    """
+    settings, cold = thetas.shape[0], True
+    level, gradient = (
+        np.empty((settings, omega.size)),
+        np.empty((settings, omega.size, thetas.shape[1])),
+    )
+    value = np.empty(settings)
+    winds, rests = np.empty(settings, np.bool_), np.empty(settings, np.bool_)
+    for i in range(settings):
+        y = np.zeros((omega.size, scales))
+        own, slopes, _, _, least, _, _, turns, ends = judged_loop(
+            thetas[i],
+            signs,
+            lead,
+            omega,
+            G,
+            u,
+            b,
+            saturated,
+            layout,
+            terms,
+            omega.size,
+            nu,
+            cold,
+            y,
+        )
+        level[i], gradient[i], value[i], winds[i], rests[i] = own, slopes, least, turns, ends
+    return level, gradient, value, winds, rests
 
 
 @compiled

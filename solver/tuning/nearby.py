@@ -10,6 +10,7 @@ Lind 1974): along the gradient of the curve that gives way first, turned at each
 from __future__ import annotations
 
 import math
+from collections.abc import Generator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -19,15 +20,15 @@ from solver.model.frequencies import grid
 from solver.model.peaks import tops
 from solver.tuning.beside import SettingMove, SettingRange, SettingsTolerance
 from solver.tuning.goals import MuGoal
+from solver.tuning.objective import Levels
 from solver.tuning.specification import Objective
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
     from solver.model.weights import Performance
-    from solver.tuning.objective import Evaluation
     from solver.tuning.search import GroupingSearch
     from solver.tuning.settle import Settled
     from solver.tuning.specification import Specification
@@ -37,13 +38,11 @@ __all__ = ["fine_objective", "moves", "tolerance"]
 
 ALLOWED = 0.05  # share of tau_P, or of mu, that moves of the settings may cost
 POINTS_PER_DECADE = 44  # a peak between them, even a kink, exceeds them by less than 1e-4
-STEPS = np.log([1.02, 1.1, 1.4, 2.5, 10.0])  # distances at which the limit is first sought
+STEPS = np.log([1.1, 1.4, 2.5, 10.0])  # distances beyond which no limit is foretold
 NARROW = 1e-3  # of the distance: as close as the limit is sought,
-REFINED = 12  # in at most so many steps
-BEYOND = 0.4 * NARROW  # of where the lines cross the limit: the next step tells on which side it is
-FORETOLD = 3  # crossings that are foretold before the next step outwards
+LOOKS = 40  # in at most so many steps
+BEFORE = 0.25 * NARROW  # of where a limit is foretold: the next step is to be inside
 VISITS = 4  # of the limit, each with a new direction
-SHORTER = 0.98  # share of the least joint move at which single ones are looked at
 LOWER = 0.95  # of all gains
 NU = 1e-6  # barrier parameter: mu right to about as much
 FIRST_TO_GIVE = 3  # curves whose gradients are tried as directions
@@ -106,17 +105,21 @@ def moves(
     names = objective.kind.parameters
     limit = 2 * math.log(level)
     near = _Near.of(coarse, judged, theta, limit)
+    axes = [way * axis for axis in np.eye(theta.size) for way in (-1.0, 1.0)]
+    first = _gradients(near.few, near.here)
+    found = near.side_by_side(
+        [*(near.distance(axis) for axis in axes), *(near.visited(each) for each in first)]
+    )
+    ends, joint = found[: len(axes)], found[len(axes) :]
     ranges = []
     for index, sign in _signs(objective):
-        value = sign * math.exp(theta[index])
-        axis = np.eye(theta.size)[index]
-        ends = [near.distance(way * axis) for way in (-1, 1)]
         low, high = (
-            None if end is None else sign * math.exp(theta[index] + way * end)
-            for way, end in zip((-1, 1), ends, strict=True)
+            None if end is None else sign * math.exp(theta[index] + end.move[index])
+            for end in ends[2 * index : 2 * index + 2]
         )
         group, place = divmod(index, len(names))
         pair = (low, high) if sign > 0 else (high, low)
+        value = sign * math.exp(theta[index])
         ranges.append(SettingRange(group, names[place], value, *pair))
     lower = theta.copy()
     lower[:: len(names)] += math.log(LOWER)
@@ -125,7 +128,7 @@ def moves(
         tau_p=longer,
         mu=level,
         alone=tuple(ranges),
-        together=_together(near),
+        together=_least(names, [*joint, *ends]),
         lower_gains=math.exp(s / 2) if math.isfinite(s) else None,
     )
 
@@ -144,48 +147,74 @@ def _signs(objective: Together) -> list[tuple[int, float]]:
     return [(i, float(objective.signs[i // per]) if i % per == 0 else 1.0) for i in range(count)]
 
 
-def _fewer(coarse: Together, fine: Together, here: Evaluation) -> Together:
-    """Return a fine objective with what is near its maxima `here`, and of the rest the grid."""
+def _fewer(coarse: Together, fine: Together, level: NDArray[np.float64]) -> list[NDArray[np.intp]]:
+    """Return which frequencies of each part are near maxima of `level`, or of the coarse grid."""
     kept = []
-    for part, own, at_first in zip(fine.parts, here.of_each, coarse.parts, strict=True):
-        top = np.flatnonzero(tops(-own.level))
-        near = np.unique(np.clip(top[:, None] + BESIDE, 0, part.omega.size - 1))
-        kept.append(np.union1d(part.omega[near], at_first.omega))
-    return fine.at(kept, [np.empty(0)] * len(kept))
+    ends = np.cumsum([part.omega.size for part in fine.parts])
+    levels = np.split(level, ends[:-1])
+    for part, own, at_first in zip(fine.parts, levels, coarse.parts, strict=True):
+        top = np.flatnonzero(tops(-own))
+        near = np.clip(top[:, None] + BESIDE, 0, part.omega.size - 1).ravel()
+        kept.append(np.union1d(near, np.searchsorted(part.omega, at_first.omega)))
+    return kept
 
 
 @dataclass(frozen=True)
 class _Seen:
-    """What a move along a direction meets: the excess of a limit, and lines that it follows.
+    """What a move meets: the excess of the limit, and curves that it follows along a direction.
 
     Attributes
     ----------
-    step : float
-        How far along the direction.
-    excess : float
-        The greatest of all frequencies; infinite where the loops are unstable.
+    move : (m,)
+        Of the settings.
+    levels : Levels
+        What the settings have there.
+    step, excess : float
+        How far along the direction, and the greatest of all frequencies; infinite where the loops
+        are unstable.
     heights, slopes : (k,)
         Of each frequency, and how it changes along the direction.
 
     """
 
+    move: NDArray[np.float64]
+    levels: Levels
     step: float
     excess: float
     heights: NDArray[np.float64]
     slopes: NDArray[np.float64]
 
-    @property
-    def crossing(self) -> float:
-        """Where the lines first cross the limit, outwards or back; infinite where they do not."""
-        inside = self.excess <= 0
-        crossing = self.slopes > 0 if inside else (self.slopes > 0) & (self.heights > 0)
-        if not math.isfinite(self.excess) or not crossing.any():
-            return math.inf
-        return self.step - float((self.heights[crossing] / self.slopes[crossing]).max())
+    def foretold(self, other: _Seen | None) -> float:
+        """Where the curves first cross the limit, outwards or back; infinite where they do not.
 
-    def or_outside(self, there: _Seen) -> tuple[_Seen, _Seen | None]:
-        """Return the last point inside and the first outside, this one being inside."""
-        return (there, None) if there.excess <= 0 else (self, there)
+        With the curvature that the slopes at another point tell.
+        """
+        if not math.isfinite(self.excess):
+            return math.inf
+        slopes, heights = self.slopes, self.heights
+        bend = np.zeros_like(slopes)
+        if other is not None and math.isfinite(other.excess) and other.step != self.step:
+            bend = (slopes - other.slopes) / (self.step - other.step)
+        inner = slopes**2 - 2 * bend * heights
+        way = slopes + np.sqrt(np.maximum(inner, 0.0))
+        crossing = (inner >= 0) & (way > 0)
+        if self.excess > 0:
+            crossing &= heights > 0
+        if not crossing.any():
+            return math.inf
+        ahead = -2 * heights[crossing] / way[crossing]
+        return self.step + float(ahead.min())
+
+
+@dataclass(frozen=True)
+class _Look:
+    """A move that is to be looked at, on all frequencies or on fewer."""
+
+    move: NDArray[np.float64]
+    fine: bool
+
+
+_Walk = Generator[_Look, Levels, _Seen | None]
 
 
 @dataclass(frozen=True)
@@ -196,119 +225,139 @@ class _Near:
     few: Together
     theta: NDArray[np.float64]
     limit: float
-    fine_here: Evaluation
-    few_here: Evaluation
+    fine_here: Levels
+    here: Levels
 
     @classmethod
     def of(
         cls, coarse: Together, fine: Together, theta: NDArray[np.float64], limit: float
     ) -> _Near:
-        """Return that of a fine objective, with the frequencies of a coarse one."""
-        here = fine.evaluate(theta)
-        few = _fewer(coarse, fine, here)
-        return cls(fine, few, theta, limit, here, few.evaluate(theta))
+        """Return that of a fine objective, with the frequencies of a coarse one, among its own."""
+        here = fine.levels_at(theta[None])[0]
+        kept = _fewer(coarse, fine, here.level)
+        omega = [part.omega[own] for part, own in zip(fine.parts, kept, strict=True)]
+        few = fine.at(omega, [np.empty(0)] * len(omega))
+        first = np.cumsum([0, *(part.omega.size for part in fine.parts[:-1])])
+        rows = np.concatenate([start + own for start, own in zip(first, kept, strict=True)])
+        few_here = Levels(here.value, here.level[rows], here.gradient[rows])
+        return cls(fine, few, theta, limit, here, few_here)
 
-    def moved(self, move: NDArray[np.float64], *, fine: bool = False) -> Evaluation:
-        """Evaluate a move, on the fewer frequencies or on all."""
-        # From scales of their own: those at `theta` are too far off where eigenvalues meet.
-        return (self.fine if fine else self.few).evaluate(self.theta + move)
+    def side_by_side(self, walks: Sequence[_Walk]) -> list[_Seen | None]:
+        """Return what the walks find; all that they look at next is computed at once."""
+        found: list[_Seen | None] = [None] * len(walks)
+        waiting: dict[int, _Look] = {}
 
-    def distance(self, direction: NDArray[np.float64]) -> float | None:
-        """Return how far one may go in a direction; None: ten times as far at least.
+        def go_on(index: int, seen: Levels | None) -> None:
+            try:
+                waiting[index] = next(walks[index]) if seen is None else walks[index].send(seen)
+            except StopIteration as end:
+                waiting.pop(index, None)
+                found[index] = end.value
+
+        for index in range(len(walks)):
+            go_on(index, None)
+        while waiting:
+            for fine in (False, True):
+                asked = [index for index, look in waiting.items() if look.fine is fine]
+                if asked:
+                    moves = np.stack([waiting[index].move for index in asked])
+                    # From scales of their own: those at `theta` are too far off where eigenvalues
+                    # meet.
+                    objective = self.fine if fine else self.few
+                    for index, seen in zip(
+                        asked, objective.levels_at(self.theta + moves), strict=True
+                    ):
+                        go_on(index, seen)
+        return found
+
+    def distance(self, direction: NDArray[np.float64]) -> _Walk:
+        """Go in a direction up to the limit; None: ten times as far at least.
 
         All frequencies have the last word.
         """
-        found = self._distance(direction, fine=False)
-        last = (STEPS[-1] if found is None else found) * direction
-        if self.moved(last, fine=True).value <= self.limit:
+        found = yield from self._distance(direction, fine=False)
+        last = STEPS[-1] * direction if found is None else found.move
+        there = yield _Look(last, fine=True)
+        if there.value <= self.limit:
             return found
-        return self._distance(direction, fine=True)
+        return (yield from self._distance(direction, fine=True))
 
-    def _distance(self, direction: NDArray[np.float64], *, fine: bool) -> float | None:
-        """Return how far one may go in a direction; None: ten times as far at least.
+    def _distance(self, direction: NDArray[np.float64], *, fine: bool) -> _Walk:
+        """Go in a direction up to the limit; None: ten times as far at least.
 
-        By the lines that the levels follow, from step to step outwards and then between the last
-        point inside and the first one outside.
+        By the curves that the levels follow, at first no further than the next of `STEPS`, then
+        between the last point inside and the first one outside. The limit is known where it is
+        foretold, or seen, as close to a point inside as it is sought.
         """
 
-        def look(step: float) -> _Seen:
-            return seen(step, self.moved(step * direction, fine=fine))
-
-        def seen(step: float, here: Evaluation) -> _Seen:
+        def seen(step: float, here: Levels) -> _Seen:
             heights, slopes = -here.level - self.limit, -here.gradient @ direction
-            return _Seen(step, here.value - self.limit, heights, slopes)
+            return _Seen(step * direction, here, step, here.value - self.limit, heights, slopes)
 
-        inside = seen(0.0, self.fine_here if fine else self.few_here)
+        inside = last = seen(0.0, self.fine_here if fine else self.here)
+        before: _Seen | None = None
+        outside = math.inf
         if inside.excess > 0:
-            return 0.0
-        outside: _Seen | None = None
-        for step in STEPS.tolist():
-            # Where the lines foretell a crossing before the next step, look there first.
-            for _ in range(FORETOLD):
-                near = inside.crossing * (1 + BEYOND)
-                if outside is None and inside.step < near < step:
-                    inside, outside = inside.or_outside(look(near))
-            if outside is None:
-                inside, outside = inside.or_outside(look(step))
-            if outside is not None:
-                return _between(look, inside, outside)
-        return None
-
-
-def _between(look: Callable[[float], _Seen], inside: _Seen, outside: _Seen) -> float:
-    """Return the limit between a point inside and one outside, from inside."""
-    for _ in range(REFINED):
-        width = outside.step - inside.step
-        if width <= NARROW * outside.step:
-            break
-        step = inside.step + 0.5 * width
-        for near in (outside.crossing * (1 - BEYOND), inside.crossing * (1 + BEYOND)):
-            if inside.step + NARROW * width < near < outside.step - NARROW * width:
-                step = near
+            return inside
+        for _ in range(LOOKS):
+            foretold = last.foretold(before)
+            end = outside
+            if last is inside and before is not None:
+                end = min(outside, foretold)
+            if end - inside.step <= NARROW * inside.step:
                 break
-        there = look(step)
-        inside, outside = (there, outside) if there.excess <= 0 else (inside, there)
-    return inside.step
+            if inside.step >= STEPS[-1]:
+                return None
+            farthest = min(outside, float(STEPS[np.searchsorted(STEPS, inside.step, "right")]))
+            low, high = inside.step, farthest
+            if outside < math.inf:
+                low, high = low + NARROW * (high - low) / 2, high - NARROW * (high - low) / 2
+            step = (1 - BEFORE) * foretold
+            if not low < step < high:
+                step = farthest if outside > farthest else 0.5 * (inside.step + outside)
+            there = seen(step, (yield _Look(step * direction, fine)))
+            before, last = last, there
+            if there.excess <= 0:
+                inside = there
+            else:
+                outside = step
+        return inside
 
-
-def _together(near: _Near) -> tuple[SettingMove, ...]:
-    """Return the least joint change that exceeds the limit, as far as this local search sees it."""
-    names, size = near.few.kind.parameters, near.theta.size
-    best = _along_gradients(near)
-    for single in (way * axis for axis in np.eye(size) for way in (-1.0, 1.0)):
-        shortest = float(np.linalg.norm(best)) if best is not None else float(STEPS[-1])
-        if near.moved(SHORTER * shortest * single).value > near.limit:
-            # One setting alone does it sooner.
-            distance = near.distance(single)
-            if distance is not None and distance < shortest:
-                best = distance * single
-    if best is None:
-        return ()
-    return tuple(
-        SettingMove(index // len(names), names[index % len(names)], math.expm1(float(move)))
-        for index, move in enumerate(best)
-    )
-
-
-def _along_gradients(near: _Near) -> NDArray[np.float64] | None:
-    """Return the shortest move to the limit along gradients, turned at each visit."""
-    best: NDArray[np.float64] | None = None
-    for first in _gradients(near.few, near.few_here):
-        direction = first
+    def visited(self, direction: NDArray[np.float64]) -> _Walk:
+        """Return the shortest move to the limit along gradients, turned at each visit."""
+        best: _Seen | None = None
         for _ in range(VISITS):
-            distance = near.distance(direction)
-            if distance is None:
+            found = yield from self.distance(direction)
+            if found is None:
                 break
-            if best is None or distance < np.linalg.norm(best):
-                best = distance * direction
-            turned = _gradients(near.few, near.moved(distance * direction))
+            if best is None or found.step < best.step:
+                best = found
+            there = found.levels
+            if there.level.size != self.here.level.size:  # of all frequencies
+                there = yield _Look(found.move, fine=False)
+            turned = _gradients(self.few, there)
             if not turned or turned[0] @ direction > 1 - NARROW:
                 break
             direction = turned[0]
-    return best
+        return best
 
 
-def _gradients(objective: Together, here: Evaluation) -> list[NDArray[np.float64]]:
+def _least(names: Sequence[str], found: Sequence[_Seen | None]) -> tuple[SettingMove, ...]:
+    """Return the least change that exceeds the limit, as far as this local search sees it.
+
+    Of equal ones the first.
+    """
+    ends = [each for each in found if each is not None]
+    if not ends:
+        return ()
+    best = min(ends, key=lambda each: each.step)
+    return tuple(
+        SettingMove(index // len(names), names[index % len(names)], math.expm1(float(move)))
+        for index, move in enumerate(best.move)
+    )
+
+
+def _gradients(objective: Together, here: Levels) -> list[NDArray[np.float64]]:
     """Return the directions in which the highest maxima of mu rise `here`, of length one."""
     if not math.isfinite(here.value):
         return []

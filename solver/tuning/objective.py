@@ -21,7 +21,7 @@ import numpy as np
 
 from solver.model.controllers import Controller
 from solver.mu.kernel import FINE
-from solver.tuning.judged_loop import judged_loop, vertices
+from solver.tuning.judged_loop import judged_loop, judged_loops, vertices
 from solver.tuning.loop_levels import loop_levels
 from solver.tuning.specification import ControllerKind
 
@@ -39,7 +39,7 @@ FORBIDDEN = -50.0  # stands for a level of minus infinity where a curve is refin
 BESIDE = 0.1  # log omega within which a peak is followed
 AROUND = (BESIDE * np.array([-1, -0.3, 0, 0.3, 1]), BESIDE * np.array([-0.03, 0, 0.03]))
 
-__all__ = ["BESIDE", "PENALTY", "Evaluation", "LoopObjective"]
+__all__ = ["BESIDE", "PENALTY", "Evaluation", "Levels", "LoopObjective"]
 
 PENALTY = 30.0  # price in s of a missing level; more than its multiplier as a rule
 
@@ -87,6 +87,15 @@ class Evaluation:
     def of_each(self) -> tuple[Evaluation, ...]:
         """That of each loop: this itself, where there is one."""
         return self.parts or (self,)
+
+
+@dataclass(frozen=True)
+class Levels:
+    """Level (k,) of each frequency, its gradient (k, m), and the least s, as of `Evaluation`."""
+
+    value: float
+    level: NDArray[np.float64]
+    gradient: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -241,6 +250,22 @@ class LoopObjective:
         if not stable:
             value = merit = math.inf
         return Evaluation(theta, value, s, merit, level, gradient, demand, slope, y, peaks)
+
+    def levels_at(self, thetas: NDArray[np.float64]) -> list[Levels]:
+        """Return the levels on the grid for several settings (t, m), each from its own scales.
+
+        Of the loops together: nothing of loops alone or of sets of loops in service.
+        """
+        samples = self._grid
+        level, gradient, values, winds, rests = judged_loops(
+            thetas, self.signs, self._lead, samples.omega, samples.G, samples.u, samples.b,
+            samples.saturated, self.blocks.layout, self.goal.terms, self.nu, self.blocks.n_scales,
+        )  # fmt: skip
+        found = []
+        for i, theta in enumerate(thetas):
+            stable = self._is_stable(theta, winds=bool(winds[i]), rests=bool(rests[i]))
+            found.append(Levels(float(values[i]) if stable else math.inf, level[i], gradient[i]))
+        return found
 
     def _is_stable(self, theta: NDArray[np.float64], *, winds: bool, rests: bool) -> bool:  # noqa: ARG002 - where the grid alone does not tell
         """Whether det(I + G C) turns on the grid as that of a stable loop, and ends there."""

@@ -64,6 +64,7 @@ OFTEN = 5  # starts that end in the best optimum, after which
 FEWER = 3  # a third of those planned is enough
 ROUGH = 1e-5  # tolerance in s of a start's descent
 ROUGH_NU = 1e-4  # and its barrier parameter
+CLOSE = 1e-4  # tolerance in s of the way from known settings on the grid
 POLISHED = 3  # optima whose exact values are found
 HOP = 1.0  # in log time
 NEARLY_SINGULAR = 1e-5  # gain of the weakest direction over the strongest one's
@@ -360,11 +361,15 @@ class GroupingSearch:
         if math.isfinite(found.merit):
             self._remember(_of_grid(found), count)
 
-    def beside(self, theta: NDArray[np.float64], tolerance: float) -> Candidate | None:
+    def beside(self, here: Evaluation, tolerance: float) -> Candidate | None:
         """Return the optimum on the whole axis beside one point, and remember it as its start's.
 
-        None: the point is too far from the demand.
+        None: the point is too far from the demand. By way of the grid, whose evaluations are
+        cheaper: where that ends the same peaks are active, as a rule.
         """
+        theta = here.theta
+        if math.isfinite(here.value):
+            theta = self.phases.best(self.objective, here, CLOSE).theta
         found = self.exact.descend(theta, tolerance=tolerance)
         if found is not None:
             self._remember(found, 1)

@@ -178,25 +178,24 @@ class Solutions:
         """
         search = self._search(freedom)
         self.clock.total = 1
-        theta = search.box.clip(self._theta_of(search, loops))
+        here = search.objective.evaluate(search.box.clip(self._theta_of(search, loops)))
         self.clock.done += 1
-        found = search.beside(theta, NEARLY if self.specification.rough else EXACT)
+        found = search.beside(here, NEARLY if self.specification.rough else EXACT)
         if found is None:  # too far from the demand: by way of its own phase
-            search.descend(theta)
+            search.descend(here.theta)
             best = self._best(search, [])
         else:
             best = self._stabilised(search, found)
-        return Solution(search, self._or_start(search, theta, best))
+        return Solution(search, self._or_start(search, here, best))
 
     def _or_start(
-        self, search: GroupingSearch, theta: NDArray[np.float64], best: Candidate | None
+        self, search: GroupingSearch, here: Evaluation, best: Candidate | None
     ) -> Candidate | None:
         """Return the best settings found, or those begun with where they are better."""
-        here = search.objective.evaluate(theta)
         # What some frequencies permit is no more than what all do.
         if not math.isfinite(here.value) or (best is not None and best.value <= here.value):
             return best
-        start = search.exact.measure(theta, here.s)
+        start = search.exact.measure(here.theta, here.s)
         if math.isfinite(start.value) and self._is_better(search, start, best):
             return start
         return best

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from solver.tuning.objective import Evaluation, LoopObjective
+from solver.tuning.objective import Evaluation, Levels, LoopObjective
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -116,3 +116,15 @@ class Together:
             rows("demand"), rows("demand_slope"), found[0].y,
             np.concatenate([each.peaks for each in raised]), tuple(raised),
         )  # fmt: skip
+
+    def levels_at(self, thetas: NDArray[np.float64]) -> list[Levels]:
+        """Return the levels for several settings; see `LoopObjective.levels_at`."""
+        found = [part.levels_at(thetas) for part in self.parts]
+        return [
+            Levels(
+                max(each.value for each in own),
+                np.concatenate([each.level for each in own]),
+                np.concatenate([each.gradient for each in own]),
+            )
+            for own in zip(*found, strict=True)
+        ]
