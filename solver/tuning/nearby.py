@@ -40,6 +40,7 @@ ALLOWED = 0.05  # share of tau_P, or of mu, that moves of the settings may cost
 POINTS_PER_DECADE = 44  # a peak between them, even a kink, exceeds them by less than 1e-4
 STEPS = np.log([1.1, 1.4, 2.5, 10.0])  # distances beyond which no limit is foretold
 NARROW = 1e-3  # of the distance: as close as the limit is sought,
+REACH = 0.3  # log mu^2 below the limit: lower maxima do not exceed it between the frequencies
 LOOKS = 40  # in at most so many steps
 BEFORE = 0.25 * NARROW  # of where a limit is foretold: the next step is to be inside
 VISITS = 4  # of the limit, each with a new direction
@@ -208,10 +209,10 @@ class _Seen:
 
 @dataclass(frozen=True)
 class _Look:
-    """A move that is to be looked at, on all frequencies or on fewer."""
+    """A move that is to be looked at on fewer frequencies, or on these of the fine grids."""
 
     move: NDArray[np.float64]
-    fine: bool
+    rows: list[NDArray[np.intp]] | None = None
 
 
 _Walk = Generator[_Look, Levels, _Seen | None]
@@ -257,33 +258,56 @@ class _Near:
         for index in range(len(walks)):
             go_on(index, None)
         while waiting:
-            for fine in (False, True):
-                asked = [index for index, look in waiting.items() if look.fine is fine]
-                if asked:
-                    moves = np.stack([waiting[index].move for index in asked])
-                    # From scales of their own: those at `theta` are too far off where eigenvalues
-                    # meet.
-                    objective = self.fine if fine else self.few
-                    for index, seen in zip(
-                        asked, objective.levels_at(self.theta + moves), strict=True
-                    ):
-                        go_on(index, seen)
+            few = [index for index, look in waiting.items() if look.rows is None]
+            fine = [index for index in waiting if index not in few]
+            for asked, objective in ((few, self.few), (fine, self._at(waiting, fine))):
+                moves = [waiting[index].move for index in asked]
+                if not moves:
+                    continue
+                # From scales of their own: those at `theta` are too far off where eigenvalues meet.
+                seen = objective.levels_at(self.theta + np.stack(moves))
+                for index, each in zip(asked, seen, strict=True):
+                    go_on(index, each)
         return found
+
+    def _at(self, waiting: dict[int, _Look], asked: Sequence[int]) -> Together:
+        """Return the fine objective with all rows that any of some looks asks for."""
+        every = [waiting[index].rows or [] for index in asked]
+        omega = [
+            part.omega[np.unique(np.concatenate(rows))]
+            for part, *rows in zip(self.fine.parts, *every, strict=True)
+            if rows
+        ]
+        return self.fine.at(omega, [np.empty(0)] * len(omega)) if omega else self.fine
 
     def distance(self, direction: NDArray[np.float64]) -> _Walk:
         """Go in a direction up to the limit; None: ten times as far at least.
 
-        All frequencies have the last word.
+        The fine grids have the last word around the maxima, where anything higher may be.
         """
         found = yield from self._distance(direction, fine=False)
-        last = STEPS[-1] * direction if found is None else found.move
-        there = yield _Look(last, fine=True)
-        if there.value <= self.limit:
-            return found
-        return (yield from self._distance(direction, fine=True))
+        there = yield _Look(found.move, self._around(found))
+        if not -there.level.min() <= self.limit:
+            found = yield from self._distance(direction, fine=True)
+        return found if found.step < STEPS[-1] else None
 
-    def _distance(self, direction: NDArray[np.float64], *, fine: bool) -> _Walk:
-        """Go in a direction up to the limit; None: ten times as far at least.
+    def _around(self, seen: _Seen) -> list[NDArray[np.intp]]:
+        """Return which frequencies of each fine grid lie beside high maxima of the fewer ones."""
+        rows = []
+        ends = np.cumsum([part.omega.size for part in self.few.parts])
+        heights = np.split(seen.heights, ends[:-1])
+        for part, fewer, own in zip(self.fine.parts, self.few.parts, heights, strict=True):
+            top = np.flatnonzero(tops(own) & (own > -REACH))
+            first = np.searchsorted(part.omega, fewer.omega[np.maximum(top - 1, 0)])
+            last = np.searchsorted(part.omega, fewer.omega[np.minimum(top + 1, own.size - 1)])
+            beside = [np.arange(a, b + 1) for a, b in zip(first, last, strict=True)]
+            rows.append(np.concatenate([*beside, [0, part.omega.size - 1]]).astype(np.intp))
+        return rows
+
+    def _distance(
+        self, direction: NDArray[np.float64], *, fine: bool
+    ) -> Generator[_Look, Levels, _Seen]:
+        """Go in a direction up to the limit, or ten times as far.
 
         By the curves that the levels follow, at first no further than the next of `STEPS`, then
         between the last point inside and the first one outside. The limit is known where it is
@@ -294,6 +318,7 @@ class _Near:
             heights, slopes = -here.level - self.limit, -here.gradient @ direction
             return _Seen(step * direction, here, step, here.value - self.limit, heights, slopes)
 
+        rows = [np.arange(part.omega.size) for part in self.fine.parts] if fine else None
         inside = last = seen(0.0, self.fine_here if fine else self.here)
         before: _Seen | None = None
         outside = math.inf
@@ -304,10 +329,8 @@ class _Near:
             end = outside
             if last is inside and before is not None:
                 end = min(outside, foretold)
-            if end - inside.step <= NARROW * inside.step:
+            if end - inside.step <= NARROW * inside.step or inside.step >= STEPS[-1]:
                 break
-            if inside.step >= STEPS[-1]:
-                return None
             farthest = min(outside, float(STEPS[np.searchsorted(STEPS, inside.step, "right")]))
             low, high = inside.step, farthest
             if outside < math.inf:
@@ -315,7 +338,7 @@ class _Near:
             step = (1 - BEFORE) * foretold
             if not low < step < high:
                 step = farthest if outside > farthest else 0.5 * (inside.step + outside)
-            there = seen(step, (yield _Look(step * direction, fine)))
+            there = seen(step, (yield _Look(step * direction, rows)))
             before, last = last, there
             if there.excess <= 0:
                 inside = there
@@ -334,7 +357,7 @@ class _Near:
                 best = found
             there = found.levels
             if there.level.size != self.here.level.size:  # of all frequencies
-                there = yield _Look(found.move, fine=False)
+                there = yield _Look(found.move)
             turned = _gradients(self.few, there)
             if not turned or turned[0] @ direction > 1 - NARROW:
                 break
