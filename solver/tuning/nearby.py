@@ -56,8 +56,9 @@ def tolerance(
 ) -> SettingsTolerance:
     """Return how far the settings of a result may be moved.
 
-    Every value is of a fine grid of frequencies, as settings elsewhere on it are stable. Of many
-    scenarios those count that the search keeps in sight.
+    Every value is of a grid of frequencies that is fine around the maxima of the curves; whether
+    the loops are stable is as the grid of the search tells. Of many scenarios those count that
+    the search keeps in sight.
     """
     fine = fine_objective(search)
     peak = max(axis.peaks.robust_performance.value for axis in end.axes)
