@@ -1,4 +1,4 @@
-"""Where single loops lose most: ``python -m bench.limit_map``, 90 s of one core.
+"""Where single loops lose most: ``python -m bench.limit_map``, 240 s of one core.
 
 The limit of all controllers over the interaction a, the time constant over the neglected dead time
 theta, and n, beside what identical and grouped PI loops reach in bench/asymmetry.csv. A limit

@@ -61,7 +61,12 @@ POINTS_PER_DECADE = 12.0
 MATRIX_POINTS = 7.0  # the same for a matrix plant, whose program is a hundred times as large
 REFINED_SIZE = 3  # units of the largest matrix plant whose basis is refined
 DENSER = 5  # points of the checking grid for each one of the program's
-POLES_PER_DECADE = (1.5, 2.5, 4.0)  # of the basis, each pole twice: of one refinement after another
+# Of the basis, each pole twice: of one refinement after another, of plants whose steps cost
+# milliseconds, and of others.
+POLES_PER_DECADE = (1.5, 3.0, 6.0)
+MATRIX_POLES = (1.5, 2.5, 4.0)
+# Fastest pole of a refined basis over the range's end: T falls slowly there, as |w_I| allows.
+FURTHER = 5.0
 DIFFERENCE = 1e-4  # of a tau_P: for a slope that is needed to a few digits
 DIGITS = 1e-9  # of a tau_P: the last ones that a peak on a grid can have a use for
 BISECTED = 1e-7  # the same within the search, whose steps end at gains a thousand times as large
@@ -213,9 +218,15 @@ class LimitSearch:
     def run(self) -> Found | None:
         """Return the best controller; None where mu stays above 1 for every tau_P."""
         best = self._at_first()
-        few = len(POLES_PER_DECADE) if self.plant.n <= REFINED_SIZE or self.scalar else 1
-        for density in POLES_PER_DECADE[:few]:
-            found = self._with_basis(self._basis(density, self.range[1], 10 * self.range[1]), best)
+        end = self.range[1]
+        if self.scalar:
+            bases = [(density, FURTHER * end) for density in POLES_PER_DECADE]
+            bases[0] = POLES_PER_DECADE[0], end
+        else:
+            few = len(MATRIX_POLES) if self.plant.n <= REFINED_SIZE else 1
+            bases = [(density, end) for density in MATRIX_POLES[:few]]
+        for density, high in bases:
+            found = self._with_basis(self._basis(density, high, 10 * end), best)
             if found is None:
                 break
             value, before = self._value(found), self._value(best) if best else math.inf
@@ -233,7 +244,7 @@ class LimitSearch:
         if not self.sought or self.scalar or self.plant.n <= REFINED_SIZE:
             return None
         self.target, self.allowed, self.settled = FIRST_TARGET, TARGET, FIRST_SETTLED
-        basis = self._basis(POLES_PER_DECADE[0], self.range[1], 10 * self.range[1])
+        basis = self._basis(MATRIX_POLES[0], self.range[1], 10 * self.range[1])
         found = self._with_basis(basis, None)
         self.target, self.allowed, self.settled = TARGET, 0.0, SETTLED
         return found
