@@ -227,6 +227,8 @@ class LimitSearch:
             bases = [(density, end) for density in MATRIX_POLES[:few]]
         for density, high in bases:
             found = self._with_basis(self._basis(density, high, 10 * end), best)
+            if found is None and best is None and not self.ended:
+                continue  # a richer basis may hold what this one does not
             if found is None:
                 break
             value, before = self._value(found), self._value(best) if best else math.inf

@@ -12,6 +12,7 @@ import pytest
 from ctrlsys import ab13md
 
 from solver.limits import search
+from solver.limits.basis import Basis
 from solver.limits.building import Building
 from solver.limits.ending import EnoughError
 from solver.limits.lower_bound import Limitation, lower_bound, unlimited
@@ -98,6 +99,22 @@ def test_value_is_that_of_other_bases(plant: Plant, performance: Performance, ow
     found = LimitSearch(plant, UNCERTAINTY, performance).run()
     assert found is not None
     assert 0.98 * own < found.tau_p < 1.02 * own
+
+
+def test_a_basis_that_holds_no_controller_does_not_end_the_search(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Nearly singular plants have none in the first basis, but in the next (a = -0.49999)."""
+    task, asked = LimitSearch(SEED, UNCERTAINTY, Performance()), []
+
+    def with_basis(basis: Basis, before: Found | None) -> Found | None:
+        asked.append((basis.size, before))
+        return None if len(asked) == 1 else coarse(SEED)
+
+    monkeypatch.setattr(task, "_with_basis", with_basis)
+    assert task.run() is coarse(SEED)
+    assert [before for _, before in asked] == [None, None, coarse(SEED)]
+    assert asked[0][0] < asked[1][0]
 
 
 def test_mu_is_below_that_of_alternating_steps() -> None:
