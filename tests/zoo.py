@@ -9,7 +9,7 @@ from solver.model.plants import MatrixPlant, ParallelPlant, Plant, first_order
 from solver.model.transfer_function import TransferFunction
 from solver.model.weights import Performance, Structure, Uncertainty
 
-__all__ = ["COLUMN", "SLH", "ZOO", "Case", "interactions"]
+__all__ = ["COLUMN", "SLH", "THREE", "ZOO", "Case", "interactions"]
 
 USUAL = Uncertainty.from_error(0.2, 1)
 USUAL_DEMAND = Performance(tau_p=20)
@@ -29,6 +29,15 @@ def _lag(gain: float) -> TransferFunction:
 
 # Skogestad, Lundstrom and Hovd 1989, eq. 3.
 COLUMN = MatrixPlant([[_lag(0.878), _lag(-0.864)], [_lag(-1.082), _lag(1.096)]])
+
+# Three unlike units with unlike dead times.
+THREE = MatrixPlant(
+    [
+        [TransferFunction((1,), (20, 1), 0.5), _lag(0.2), TransferFunction((-0.1,), (30, 1), 1)],
+        [_lag(0.3), TransferFunction((1.2,), (40, 1), 0.2), TransferFunction((0.2,), (10, 1))],
+        [TransferFunction((-0.2,), (15, 1)), _lag(0.1), TransferFunction((0.9,), (12, 1), 0.8)],
+    ]
+)
 
 
 @dataclass(frozen=True)

@@ -110,8 +110,8 @@ class Search(RequestModel):
     optimality_gap: bool = Field(
         default=False,
         description="Whether to prove how far the objective is from the least possible one, in "
-        "what the search leaves of the time limit. For PI with at most two different controllers "
-        "or PID with identical ones; a matrix plant has at most two units.",
+        "what the search leaves of the time limit. For PI with at most three different controllers "
+        "or PID with identical ones; a matrix plant has at most six units.",
         examples=[False],
     )
     limit: bool = Field(

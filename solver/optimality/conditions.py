@@ -155,7 +155,7 @@ class Conditions:
 def cone(
     blocks: LoopBlocks, shortest: NDArray[np.float64], longest: NDArray[np.float64], per: int
 ) -> NDArray[np.float64]:
-    """Rows a of conditions a v >= 0: tau_I within its limits; of equal groups the first leads.
+    """Rows a of conditions a v >= 0: tau_I within its limits; groups of one size in order.
 
     `per` is the number of variables of one controller.
     """
@@ -165,9 +165,13 @@ def cone(
     for j in range(size):
         rows[2 * j, per * j : per * j + 2] = 1, -shortest[j]
         rows[2 * j + 1, per * j : per * j + 2] = -1, longest[j]
-    alike = size == 2 and len(groups[0]) == len(groups[1]) and bool((blocks.ratios == 1).all())
-    if alike and blocks.plant.interchangeable:
-        rows = np.vstack([rows, [1, 0, -1, 0]])
+    if blocks.plant.interchangeable and bool((blocks.ratios == 1).all()):
+        for j in range(size):
+            alike = [i for i in range(j) if len(groups[i]) == len(groups[j])]
+            if alike:
+                row = np.zeros(per * size)
+                row[per * alike[-1]], row[per * j] = 1, -1
+                rows = np.vstack([rows, row])
     return rows
 
 

@@ -18,9 +18,10 @@ several zeta at once, the columns of Z, with Frobenius norms; a block of the loo
 (`solver.model.blocks`) has its own columns. It holds to the right of the imaginary axis too, by the
 maximum principle, if the loop is stable: docs/optimality.md.
 
-zeta itself may depend on c in any way. With one controller it is kept; with two it follows the
-response of the worst plant, each row linear in the other one's controller (`_follow`), which keeps
-the condition sharp over a far wider range. It is a Hermitian form in 1, c_1, c_2, c_1 c_2.
+zeta itself may depend on c in any way. With one controller it is kept; with several it follows the
+response of the worst plant, each row linear in each other row's controller (`_follow`), which keeps
+the condition sharp over a far wider range. It is a Hermitian form in the products of different
+controllers: with two in 1, c_1, c_2, c_1 c_2.
 """
 
 from __future__ import annotations
@@ -50,8 +51,8 @@ class Cuts(NamedTuple):
     ----------
     above, norm : (k, size of psi, size of psi) complex
         Hermitian, not negative; 0 where no condition was found.
-    size : (k, 1 + controllers)
-        Bound |Z|: size_0 + sum_j size_j |c_j|.
+    size : (k, size of psi)
+        Bound |Z|: the sum of these, each times the modulus of its product.
 
     """
 
@@ -64,14 +65,15 @@ class Cuts(NamedTuple):
 def cuts(c, G, u, p, layout, x):
     """Conditions p psi^H norm psi <= psi^H above psi, sharp near `c`.
 
-    psi holds the products of the controllers: (1, c) or (1, c_1, c_2, c_1 c_2).
+    psi holds the products of different controllers, bit j of the place standing for c_j: (1, c) or
+    (1, c_1, c_2, c_1 c_2) and so on.
 
     Parameters
     ----------
     c : (k, controllers) complex
-        Where they are to be sharp; at most two.
+        Where they are to be sharp. With several, each row of the first block has its own.
     G : (k, rows, widest) complex
-        `LoopBlocks.packed_at`, blocks of at most two rows.
+        `LoopBlocks.packed_at`; with several controllers blocks but the first have one row.
     u, p : (k,)
         |w_I|^2, and |w_P|^2 that is demanded.
     layout : Layout
@@ -86,27 +88,32 @@ def cuts(c, G, u, p, layout, x):
 
     """
     count, controllers = c.shape
-    rows, products = G.shape[1], 2**controllers
+    rows, widest, products = G.shape[1], G.shape[2], 2**controllers
     above = np.zeros((count, products, products), np.complex128)
     norm = np.zeros((count, products, products), np.complex128)
-    size = np.zeros((count, 1 + controllers))
-    Z = np.empty((rows, 2), np.complex128)
-    V = np.empty((rows, 2), np.complex128)
-    Q = np.empty((rows, 2), np.complex128)
-    slope = np.zeros((rows, 2), np.complex128)
+    size = np.zeros((count, products))
+    A = np.empty((rows, widest), np.complex128)
+    F = np.empty((rows, widest), np.complex128)
+    Z = np.zeros((rows, widest), np.complex128)
+    V = np.zeros((rows, widest), np.complex128)
+    Q = np.empty((rows, widest), np.complex128)
+    work = np.empty((widest, widest), np.complex128)
+    form = np.zeros((rows, widest, products), np.complex128)
     for k in range(count):
-        if _directions(c[k], G[k], u[k], p[k], layout, x[k], Z, V) and _normalise(
+        if _directions(c[k], G[k], u[k], p[k], layout, x[k], A, F, Z, V, work) and _normalise(
             c[k], layout, Z, V, Q
         ):
             reach = math.sqrt(u[k]) * _part(c[k], G[k], math.sqrt(u[k]), layout, Z, V, Q)
-            if controllers == 2:
-                _follow(c[k], G[k], reach, layout, Z, V, Q, slope)
-            _expand(c[k], G[k], reach, layout, Z, V, Q, slope, above[k], norm[k], size[k])
+            form[:, :, :] = 0j
+            if controllers == 1 or not _follow(c[k], G[k], reach, layout, Z, V, Q, form):
+                form[:, :, 0] = Z
+                form[:, :, 1:] = 0j
+            _expand(G[k], reach, layout, V, Q, form, above[k], norm[k], size[k])
     return Cuts(above, norm, size)
 
 
 @compiled
-def _directions(c, G, u, p, layout, x, Z, V):
+def _directions(c, G, u, p, layout, x, A, F, Z, V, work):
     """Fill in the dual solution: Z Z^H = (A - l Q)^-1 block by block, and its V; False if none.
 
     A = E^H P E with P = (I + G X^-1 G^H)^-1, Q = u C^H X C + p I, and the level l is that of the
@@ -115,86 +122,123 @@ def _directions(c, G, u, p, layout, x, Z, V):
     channels, scales, first = layout.channels, layout.scales, layout.first
     if not (x.min() > LEAST and x.max() < 1.0 / LEAST):
         return False
-    lowest = math.inf
     levels = np.empty(channels.size)
-    A = np.empty((channels.size, 2), np.complex128)
-    F = np.empty((channels.size, 2), np.complex128)
+    weight = np.empty(channels.size)
+    for r in range(channels.size):
+        weight[r] = u * square(c[channels[r]]) * x[scales[r]] + p
     for block in range(first.size - 1):
-        lo = first[block]
-        c1, x1, g11 = c[channels[lo]], x[scales[lo]], G[lo, 0]
-        q1 = u * square(c1) * x1 + p
-        if first[block + 1] - lo == 1:
-            E = 1.0 + g11 * c1
-            F[lo, 0] = E * (x1 / (x1 + square(g11)))
-            A[lo, 0] = (np.conj(E) * F[lo, 0]).real
-            levels[lo] = A[lo, 0].real / q1
-        else:
-            c2, x2 = c[channels[lo + 1]], x[scales[lo + 1]]
-            g12, g21, g22 = G[lo, 1], G[lo + 1, 0], G[lo + 1, 1]
-            q2 = u * square(c2) * x2 + p
-            y1 = 1.0 + square(g11) / x1 + square(g12) / x2
-            y2 = 1.0 + square(g21) / x1 + square(g22) / x2
-            y12 = g11 * np.conj(g21) / x1 + g12 * np.conj(g22) / x2
-            det = y1 * y2 - square(y12)
-            if not det > 0.0:  # lost to rounding: scales and directions too far apart
-                return False
-            e11, e12, e21, e22 = 1.0 + g11 * c1, g12 * c2, g21 * c1, 1.0 + g22 * c2
-            F[lo, 0] = (y2 * e11 - y12 * e21) / det
-            F[lo, 1] = (y2 * e12 - y12 * e22) / det
-            F[lo + 1, 0] = (y1 * e21 - np.conj(y12) * e11) / det
-            F[lo + 1, 1] = (y1 * e22 - np.conj(y12) * e12) / det
-            A[lo, 0] = (np.conj(e11) * F[lo, 0] + np.conj(e21) * F[lo + 1, 0]).real
-            A[lo, 1] = np.conj(e11) * F[lo, 1] + np.conj(e21) * F[lo + 1, 1]
-            A[lo + 1, 1] = (np.conj(e12) * F[lo, 1] + np.conj(e22) * F[lo + 1, 1]).real
-            l1, l2 = A[lo, 0].real / q1, A[lo + 1, 1].real / q2
-            off = square(A[lo, 1]) / (q1 * q2)
-            half = 0.5 * (l1 - l2)
-            levels[lo + 1] = 0.5 * (l1 + l2) + math.sqrt(half * half + off)
-            levels[lo] = (l1 * l2 - off) / levels[lo + 1]
-        lowest = min(lowest, levels[lo])
+        lo, n = first[block], first[block + 1] - first[block]
+        for i in range(n):
+            for j in range(n):
+                v = 1.0 + 0j if i == j else 0j
+                for m in range(n):
+                    v += G[lo + i, m] * np.conj(G[lo + j, m]) / x[scales[lo + m]]
+                work[i, j] = v
+                F[lo + i, j] = G[lo + i, j] * c[channels[lo + j]]
+            F[lo + i, i] += 1.0
+        if not _factorise(work, n):  # lost to rounding: scales and directions too far apart
+            return False
+        for j in range(n):  # F = P E, A = E^H F: half of it the square of the triangular solution
+            for i in range(n):
+                v = F[lo + i, j]
+                for m in range(i):
+                    v -= work[i, m] * F[lo + m, j]
+                F[lo + i, j] = v / work[i, i].real
+        for i in range(n):
+            for j in range(n):
+                v = 0j
+                for m in range(n):
+                    v += np.conj(F[lo + m, i]) * F[lo + m, j]
+                A[lo + i, j] = v
+        for j in range(n):
+            for i in range(n - 1, -1, -1):
+                v = F[lo + i, j]
+                for m in range(i + 1, n):
+                    v -= np.conj(work[m, i]) * F[lo + m, j]
+                F[lo + i, j] = v / work[i, i].real
+        _levels(A, weight, lo, n, levels)
+    lowest = levels.min()
     if not 0.0 < lowest < math.inf:
         return False
     level = lowest / centred_level(lowest / levels, 1.0, NU)
     for block in range(first.size - 1):
-        lo = first[block]
-        c1, x1 = c[channels[lo]], x[scales[lo]]
-        d1 = A[lo, 0].real - level * (u * square(c1) * x1 + p)
-        Z[lo, 1] = 0j
-        if first[block + 1] - lo == 1:
-            if not d1 > 0.0:
-                return False
-            Z[lo, 0] = 1.0 / math.sqrt(d1)
-            V[lo, 0] = np.conj(G[lo, 0]) * F[lo, 0] * Z[lo, 0] / x1
-            V[lo, 1] = 0j
-            continue
-        c2, x2 = c[channels[lo + 1]], x[scales[lo + 1]]
-        d2 = A[lo + 1, 1].real - level * (u * square(c2) * x2 + p)
-        det = d1 * d2 - square(A[lo, 1])
-        if not (det > 0.0 and d2 > 0.0):
+        lo, n = first[block], first[block + 1] - first[block]
+        for i in range(n):
+            for j in range(n):
+                work[i, j] = A[lo + i, j]
+            work[i, i] -= level * weight[lo + i]
+        if not _factorise(work, n):
             return False
-        # Cholesky factor of the inverse
-        Z[lo, 0] = math.sqrt(d2 / det)
-        Z[lo + 1, 0] = -np.conj(A[lo, 1]) / math.sqrt(d2 * det)
-        Z[lo + 1, 1] = 1.0 / math.sqrt(d2)
-        for j in range(2):
-            f1 = F[lo, 0] * Z[lo, j] + F[lo, 1] * Z[lo + 1, j]
-            f2 = F[lo + 1, 0] * Z[lo, j] + F[lo + 1, 1] * Z[lo + 1, j]
-            V[lo, j] = (np.conj(G[lo, 0]) * f1 + np.conj(G[lo + 1, 0]) * f2) / x1
-            V[lo + 1, j] = (np.conj(G[lo, 1]) * f1 + np.conj(G[lo + 1, 1]) * f2) / x2
+        for j in range(n):  # Z = L^-H where A - l Q = L L^H, its conjugate column by column
+            for i in range(n):
+                v = 1.0 + 0j if i == j else 0j
+                for m in range(j, i):
+                    v -= work[i, m] * np.conj(Z[lo + j, m])
+                Z[lo + j, i] = np.conj(v) / work[i, i].real if i >= j else 0j
+        for i in range(n):
+            for j in range(n):
+                v = 0j
+                for m in range(n):
+                    v += F[lo + i, m] * Z[lo + m, j]
+                work[i, j] = v
+        for i in range(n):
+            for j in range(n):
+                v = 0j
+                for m in range(n):
+                    v += np.conj(G[lo + m, i]) * work[m, j]
+                V[lo + i, j] = v / x[scales[lo + i]]
     return True
+
+
+@compiled
+def _factorise(M, n):
+    """Put the triangular factor of a Hermitian matrix in its place; False if not positive."""
+    for i in range(n):
+        for j in range(i + 1):
+            v = M[i, j]
+            for m in range(j):
+                v -= M[i, m] * np.conj(M[j, m])
+            if i > j:
+                M[i, j] = v / M[j, j].real
+            elif v.real > 0.0:
+                M[i, i] = math.sqrt(v.real)
+            else:
+                return False
+    return True
+
+
+@compiled
+def _levels(A, weight, lo, n, levels):
+    """Fill in the eigenvalues of the pencil of a block of A and its weights."""
+    if n <= 2:
+        l1 = A[lo, 0].real / weight[lo]
+        levels[lo] = l1
+        if n == 2:
+            l2 = A[lo + 1, 1].real / weight[lo + 1]
+            off = square(A[lo, 1]) / (weight[lo] * weight[lo + 1])
+            half = 0.5 * (l1 - l2)
+            levels[lo + 1] = 0.5 * (l1 + l2) + math.sqrt(half * half + off)
+            levels[lo] = (l1 * l2 - off) / levels[lo + 1]
+        return
+    pencil = np.empty((n, n), np.complex128)
+    for i in range(n):
+        for j in range(n):
+            pencil[i, j] = A[lo + i, j] / math.sqrt(weight[lo + i] * weight[lo + j])
+    levels[lo : lo + n] = np.linalg.eigvalsh(pencil)
 
 
 @compiled
 def _normalise(c, layout, Z, V, Q):
     """Make |Z| = 1 and of each scale |V_s| < 1; fill in Q_s with |Q_s| < 1, along (C Z)_s."""
-    channels, scales = layout.channels, layout.scales
+    channels, scales, columns = layout.channels, layout.scales, Z.shape[1]
     total = 0.0
     for r in range(channels.size):
-        total += square(Z[r, 0]) + square(Z[r, 1])
+        for j in range(columns):
+            total += square(Z[r, j])
     if not LEAST < total < math.inf:
         return False
     for r in range(channels.size):
-        for j in range(2):
+        for j in range(columns):
             Z[r, j] /= math.sqrt(total)
             V[r, j] /= math.sqrt(total)
             Q[r, j] = c[channels[r]] * Z[r, j]
@@ -202,12 +246,13 @@ def _normalise(c, layout, Z, V, Q):
         length, needed = 0.0, 0.0
         for r in range(channels.size):
             if scales[r] == s:
-                length += square(V[r, 0]) + square(V[r, 1])
-                needed += square(Q[r, 0]) + square(Q[r, 1])
+                for j in range(columns):
+                    length += square(V[r, j])
+                    needed += square(Q[r, j])
         usable = LEAST < length < math.inf and LEAST < needed < math.inf
         for r in range(channels.size):
             if scales[r] == s:
-                for j in range(2):
+                for j in range(columns):
                     V[r, j] = V[r, j] * (SHORT / math.sqrt(length)) if usable else 0j
                     Q[r, j] = Q[r, j] * (SHORT / math.sqrt(needed)) if usable else 0j
     return True
@@ -219,7 +264,7 @@ def _drive(c, layout, Z, Q):
     channels, scales = layout.channels, layout.scales
     drive = np.zeros(scales.max() + 1, np.complex128)
     for r in range(channels.size):
-        for j in range(2):
+        for j in range(Z.shape[1]):
             drive[scales[r]] += np.conj(Q[r, j]) * c[channels[r]] * Z[r, j]
     return drive
 
@@ -244,74 +289,141 @@ def _part(c, G, root_u, layout, Z, V, Q):
 
 
 @compiled
-def _follow(c, G, reach, layout, Z, V, Q, slope):
-    """Slope of each row of Z in the other controller: Z then follows the worst plant's zeta.
+def _follow(c, G, reach, layout, Z, V, Q, form):
+    """Fill in Z as a function of the products of the controllers; False where it is lost.
 
-    The first block is the 2 x 2 one. With v = rho C zeta row by row its worst plant has G (I - rho)
-    in place of G, and zeta = (I + G (I - rho) C)^-1 w for a fixed w. Its multiple by det(I + G (I -
-    rho) C) is linear in the other row's controller alone. Other blocks follow the determinant.
+    Z then follows the worst plant's zeta. The first block has a row for each controller. With
+    v = rho C zeta row by row its worst plant has H = G (I - rho) in place of G, and zeta = (I + H
+    C)^-1 w for a fixed w. Let d be the differences of the controllers from `c`, K = (I + H C)^-1 H
+    at `c`: det(I + K d) (I + K d)^-1 Z is a multiple of it, whose row i has, by Cramer's rule, the
+    determinants of the rows and columns i and S of K, column i replaced by Z, as coefficients of
+    the products S of the d. Other blocks follow det(I + K d) without their own d.
     """
     channels, scales = layout.channels, layout.scales
-    slope[:, :] = 0j
+    controllers, columns, products = c.size, Z.shape[1], form.shape[2]
+    if layout.first[1] != controllers:
+        return False
     drive = _drive(c, layout, Z, Q)
-    seen = np.zeros((2, 2), np.complex128)  # I - Delta
-    for r in range(2):
+    H = np.zeros((controllers, controllers), np.complex128)
+    E = np.zeros((controllers, controllers), np.complex128)
+    K = np.zeros((controllers, controllers), np.complex128)  # by controller
+    seen = np.zeros((controllers, controllers), np.complex128)  # I - rho
+    for r in range(controllers):
         needed = 0.0
-        for i in range(2):
+        for i in range(controllers):
             if scales[i] == scales[r]:
-                for j in range(2):
+                for j in range(columns):
                     own = c[channels[i]] * Z[i, j]
                     needed += square(own)
                     seen[r, i] -= reach * V[r, j] * drive[scales[r]] * np.conj(own)
-        for i in range(2):
+        for i in range(controllers):
             seen[r, i] = seen[r, i] / needed if needed > 0.0 else 0j
         seen[r, r] += 1.0
-    g11 = G[0, 0] * seen[0, 0] + G[0, 1] * seen[1, 0]
-    g12 = G[0, 0] * seen[0, 1] + G[0, 1] * seen[1, 1]
-    g21 = G[1, 0] * seen[0, 0] + G[1, 1] * seen[1, 0]
-    g22 = G[1, 0] * seen[0, 1] + G[1, 1] * seen[1, 1]
-    c1, c2 = c[channels[0]], c[channels[1]]
-    both = g11 * g22 - g12 * g21
-    det = 1.0 + g11 * c1 + g22 * c2 + both * c1 * c2
-    if not square(det) > 0.0:
-        return
-    for j in range(2):
-        w1 = Z[0, j] * (1.0 + g11 * c1) + g12 * c2 * Z[1, j]
-        w2 = Z[1, j] * (1.0 + g22 * c2) + g21 * c1 * Z[0, j]
-        slope[0, j] = (w1 * g22 - w2 * g12) / det
-        slope[1, j] = (w2 * g11 - w1 * g21) / det
-    growth = np.empty(2, np.complex128)
-    growth[channels[0]] = (g11 + both * c2) / det
-    growth[channels[1]] = (g22 + both * c1) / det
-    for r in range(2, channels.size):
-        slope[r, 0] = Z[r, 0] * growth[1 - channels[r]]
+    for r in range(controllers):
+        for i in range(controllers):
+            for m in range(controllers):
+                H[r, i] += G[r, m] * seen[m, i]
+            E[r, i] = H[r, i] * c[channels[i]]
+        E[r, r] += 1.0
+    if not _divide(E, H):
+        return False
+    for r in range(controllers):
+        for i in range(controllers):
+            K[channels[r], channels[i]] = H[r, i]
+    column = np.empty(controllers, np.complex128)
+    for chosen in range(products):
+        for r in range(controllers, channels.size):
+            if not chosen >> channels[r] & 1:
+                form[r, 0, chosen] = Z[r, 0] * _minor(K, chosen, -1, column, E)
+        for j in range(columns):
+            for r in range(controllers):
+                column[channels[r]] = Z[r, j]
+            for r in range(controllers):
+                own = channels[r]
+                if not chosen >> own & 1:
+                    form[r, j, chosen] = _minor(K, chosen | 1 << own, own, column, E)
+    # From products of the differences to those of the controllers themselves.
+    for i in range(controllers):
+        for chosen in range(products):
+            if chosen >> i & 1:
+                for r in range(channels.size):
+                    for j in range(columns):
+                        form[r, j, chosen - (1 << i)] -= c[i] * form[r, j, chosen]
+    return True
 
 
 @compiled
-def _expand(c, G, reach, layout, Z, V, Q, slope, above, norm, size):
-    """Coefficients of |E Z - G v|^2 and |Z|^2 in the products of the controllers."""
+def _divide(E, H):
+    """Put E^-1 H in the place of H; False where E is singular. E is lost."""
+    n = E.shape[0]
+    for k in range(n):
+        pivot = k
+        for i in range(k + 1, n):
+            if square(E[i, k]) > square(E[pivot, k]):
+                pivot = i
+        if not square(E[pivot, k]) > 0.0:
+            return False
+        for j in range(n):
+            E[k, j], E[pivot, j] = E[pivot, j], E[k, j]
+            H[k, j], H[pivot, j] = H[pivot, j], H[k, j]
+        for i in range(n):
+            if i != k:
+                factor = E[i, k] / E[k, k]
+                for j in range(n):
+                    E[i, j] -= factor * E[k, j]
+                    H[i, j] -= factor * H[k, j]
+    for k in range(n):
+        for j in range(n):
+            H[k, j] /= E[k, k]
+    return True
+
+
+@compiled
+def _minor(K, chosen, replaced, column, work):
+    """Return the determinant of the rows and columns of K in `chosen`, one replaced."""
+    n = 0
+    for i in range(K.shape[0]):
+        if chosen >> i & 1:
+            m = 0
+            for j in range(K.shape[0]):
+                if chosen >> j & 1:
+                    work[n, m] = column[i] if j == replaced else K[i, j]
+                    m += 1
+            n += 1
+    det = 1.0 + 0j
+    for k in range(n):
+        pivot = k
+        for i in range(k + 1, n):
+            if square(work[i, k]) > square(work[pivot, k]):
+                pivot = i
+        if not square(work[pivot, k]) > 0.0:
+            return 0j
+        if pivot != k:
+            det = -det
+            for j in range(n):
+                work[k, j], work[pivot, j] = work[pivot, j], work[k, j]
+        det *= work[k, k]
+        for i in range(k + 1, n):
+            factor = work[i, k] / work[k, k]
+            for j in range(k + 1, n):
+                work[i, j] -= factor * work[k, j]
+    return det
+
+
+@compiled
+def _expand(G, reach, layout, V, Q, form, above, norm, size):
+    """Coefficients of |E Z - G v|^2 and |Z|^2 in the products, from those of Z."""
     channels, scales, first = layout.channels, layout.scales, layout.first
-    controllers = c.size
-    products = above.shape[0]
-    rows = channels.size
-    form = np.zeros((rows, 2, products), np.complex128)  # Z
-    moved = np.zeros((rows, 2, products), np.complex128)  # C Z
+    rows, columns, products = form.shape
     drive = np.zeros((scales.max() + 1, products), np.complex128)
     for r in range(rows):
-        own = channels[r]
-        other = 1 - own
-        for j in range(2):
-            form[r, j, 0] = Z[r, j]
-            moved[r, j, 1 << own] = Z[r, j]
-            if controllers == 2:
-                constant = Z[r, j] - slope[r, j] * c[other]
-                form[r, j, 0] = moved[r, j, 1 << own] = constant
-                form[r, j, 1 << other] = moved[r, j, 3] = slope[r, j]
-                size[1 + other] += square(slope[r, j])
-            size[0] += square(form[r, j, 0])
-            for i in range(1, products):
-                drive[scales[r], i] += np.conj(Q[r, j]) * moved[r, j, i]
-    for i in range(size.size):
+        own = 1 << channels[r]
+        for j in range(columns):
+            for i in range(products):
+                size[i] += square(form[r, j, i])
+                if i & own:  # C Z, without own c in Z
+                    drive[scales[r], i] += np.conj(Q[r, j]) * form[r, j, i - own]
+    for i in range(products):
         size[i] = math.sqrt(size[i])
     left = np.empty(products, np.complex128)
     for block in range(first.size - 1):
@@ -321,8 +433,10 @@ def _expand(c, G, reach, layout, Z, V, Q, slope, above, norm, size):
                 for i in range(products):
                     left[i] = form[r, j, i]
                     for b in range(lo, end):
+                        own = 1 << channels[b]
+                        moved = form[b, j, i - own] if i & own else 0j
                         pushed = reach * V[b, j] * drive[scales[b], i]
-                        left[i] += G[r, b - lo] * (moved[b, j, i] - pushed)
+                        left[i] += G[r, b - lo] * (moved - pushed)
                 for i in range(products):
                     for b in range(products):
                         above[i, b] += np.conj(left[i]) * left[b]

@@ -2,10 +2,10 @@ r"""Compiled: what the conditions on the controllers are over a box of PI settin
 
 The variables are k and m = k/tau_I of each controller, in which c(s) = k + m/s is linear. A
 condition (`solver.optimality.cuts`) is a polynomial in them, at least 0, of degree 2 in each: a
-Hermitian form in (1, c_1) x (1, c_2). Over a box it is the mean, with positive weights that depend
-on the place, of its 3^m Bernstein coefficients, so it is at most the greatest of them; they exceed
-it by the square of the width of the box at most (Garloff 1993). Each coefficient belongs to a
-place, low, middle or high in each variable.
+Hermitian form in (1, c_1) x (1, c_2) and so on. Over a box it is the mean, with positive weights
+that depend on the place, of its 3^m Bernstein coefficients, so it is at most the greatest of them;
+they exceed it by the square of the width of the box at most (Garloff 1993). Each coefficient
+belongs to a place, low, middle or high in each variable.
 """
 
 import math
@@ -54,17 +54,17 @@ def linearise(low, high, cut, p, points, reach, signs, cone, a, b, bends):
     c = np.empty((controllers, 3**own), np.complex128)
     squares = np.empty((controllers, 3**own))
     ones = np.empty(3**own)
-    moduli, psi = np.empty(1 + controllers), np.empty(2**controllers, np.complex128)
+    moduli, psi = np.empty(2**controllers), np.empty(2**controllers, np.complex128)
     places = _places(m)
     form = np.empty(above.shape[2:], np.complex128)
     for point in range(points.size):
         size = _all_ends(low, high, points[point], signs, c, squares, ones, moduli, psi)
         for i in range(controllers):
-            size += moduli[1 + i] * reach[point]
+            size += moduli[1 << i] * reach[point]
         for turn in range(several):
             k = several * point + turn
             length = 0.0
-            for i in range(1 + controllers):
+            for i in range(moduli.size):
                 length += sizes[point, turn, i] * moduli[i]
             unit = p[point] * _middle(norm[point, turn], psi)
             if not unit > 0.0:
@@ -104,10 +104,10 @@ def least_length(low, high, at, norm, sizes, signs):
     squares = np.empty((controllers, 3**own))
     ones = np.empty(3**own)
     lengths = np.empty(3**low.size)
-    moduli, psi = np.empty(1 + controllers), np.empty(2**controllers, np.complex128)
+    moduli, psi = np.empty(2**controllers), np.empty(2**controllers, np.complex128)
     _all_ends(low, high, at, signs, c, squares, ones, moduli, psi)
     length = 0.0
-    for i in range(1 + controllers):
+    for i in range(moduli.size):
         length += sizes[i] * moduli[i]
     _coefficients(norm, c, squares, ones, lengths)
     return max(lengths.min() - MARGIN * length * length, 0.0) / _middle(norm, psi)
@@ -118,8 +118,8 @@ def _all_ends(low, high, at, signs, c, squares, ones, moduli, psi):
     """Fill in Bernstein coefficients of degree 2 in each setting; returns the largest |d|.
 
     A controller is n/d, d = 1 with PI: of conj(d) n `c`, of |n|^2 `squares`, of |d|^2 `ones`, which
-    with two controllers is 1. Also the largest |d| and |n| (`moduli`), and the products (d, n) or
-    (1, n_1, n_2, n_1 n_2) in the middle of the box (`psi`).
+    with several controllers is 1. Also, of the products (d, n) or (1, n_1, n_2, n_1 n_2) and so on,
+    the largest moduli (`moduli`), and what they are in the middle of the box (`psi`).
     """
     own = low.size // signs.size
     ones[:] = 1.0
@@ -128,7 +128,7 @@ def _all_ends(low, high, at, signs, c, squares, ones, moduli, psi):
     for i in range(signs.size):
         first = own * i
         kl, kh, ml, mh = low[first], high[first], low[first + 1], high[first + 1]
-        moduli[1 + i] = kh + mh / abs(at)
+        moduli[1 << i] = kh + mh / abs(at)
         psi[1 << i] = signs[i] * (0.5 * (kl + kh) + 0.5 * (ml + mh) * inverse)
         _ends(kl, kh, ml, mh, inverse, signs[i], c[i], squares[i])
         if own == 3:
@@ -136,10 +136,12 @@ def _all_ends(low, high, at, signs, c, squares, ones, moduli, psi):
             psi[0] = 1.0 + DERIVATIVE_FILTER * t * at
             psi[1 << i] *= 1.0 + t * at
             moduli[0] = 1.0 + DERIVATIVE_FILTER * high[first + 2] * abs(at)
-            moduli[1 + i] *= 1.0 + high[first + 2] * abs(at)
+            moduli[1 << i] *= 1.0 + high[first + 2] * abs(at)
             _lead(low[first + 2], high[first + 2], at, c[i], squares[i], ones)
-    if signs.size == 2:
-        psi[3] = psi[1] * psi[2]
+    for i in range(signs.size):
+        for others in range(1, 1 << i):
+            moduli[others + (1 << i)] = moduli[others] * moduli[1 << i]
+            psi[others + (1 << i)] = psi[others] * psi[1 << i]
     return moduli[0]
 
 
@@ -176,17 +178,40 @@ def _lead(low, high, at, c, squares, ones):
 def _coefficients(form, c, squares, ones, out):
     """Bernstein coefficients of psi^H form psi."""
     if form.shape[0] == 2:
-        for i in range(ones.size):
-            mixed = 2.0 * (form[0, 1] * c[0, i]).real
-            out[i] = form[0, 0].real * ones[i] + mixed + form[1, 1].real * squares[0, i]
+        _last_coefficients(form, c, squares, ones, out)
         return
+    # Controllers but the first are put in, the last one first: places of the first one come first.
+    others = out.reshape(9, out.size // 9)
+    if form.shape[0] == 4:
+        smaller = np.empty((2, 2), np.complex128)
+        for j in range(9):
+            _put_in(form, c[1, j], squares[1, j], smaller)
+            _last_coefficients(smaller, c, squares, ones, others[:, j])
+        return
+    small, smaller = np.empty((4, 4), np.complex128), np.empty((2, 2), np.complex128)
     for j in range(9):
-        cj, sj = c[1, j], squares[1, j]
-        plain = form[0, 0].real + 2.0 * (form[0, 2] * cj).real + form[2, 2].real * sj
-        whole = form[1, 1].real + 2.0 * (form[1, 3] * cj).real + form[3, 3].real * sj
-        mixed = form[0, 1] + form[0, 3] * cj + form[2, 1] * np.conj(cj) + form[2, 3] * sj
+        _put_in(form, c[2, j], squares[2, j], small)
         for i in range(9):
-            out[9 * i + j] = plain + 2.0 * (mixed * c[0, i]).real + whole * squares[0, i]
+            _put_in(small, c[1, i], squares[1, i], smaller)
+            _last_coefficients(smaller, c, squares, ones, others[:, 9 * i + j])
+
+
+@compiled
+def _put_in(form, c, size, out):
+    """Make of a form in (1, c) x others one in the others; `size` in the place of |c|^2."""
+    half = out.shape[0]
+    for i in range(half):
+        for j in range(half):
+            mixed = form[i, half + j] * c + form[half + i, j] * np.conj(c)
+            out[i, j] = form[i, j] + mixed + form[half + i, half + j] * size
+
+
+@compiled
+def _last_coefficients(form, c, squares, ones, out):
+    """Bernstein coefficients of a form in (d, n) of the first controller."""
+    for i in range(ones.size):
+        mixed = 2.0 * (form[0, 1] * c[0, i]).real
+        out[i] = form[0, 0].real * ones[i] + mixed + form[1, 1].real * squares[0, i]
 
 
 @compiled

@@ -66,7 +66,7 @@ class SettingsProblem:
     Attributes
     ----------
     blocks : LoopBlocks
-        Plant and grouping, in blocks of at most two rows, with at most two different controllers.
+        Plant and grouping, with at most three different controllers.
     uncertainty : Uncertainty
         Input uncertainty.
     performance : Performance

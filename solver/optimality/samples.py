@@ -66,9 +66,16 @@ def samples(blocks: LoopBlocks, uncertainty: Uncertainty, s: NDArray[np.complex1
         # The block of the group means has g - i on its diagonal, and i sqrt(m_a m_b) everywhere.
         size = process + (1 + plant.n) * interaction * blocks.ratios.max()
     else:
-        elements = [element for row in plant.rows for element in row]
-        ratios = blocks.ratios.ravel()
-        size = np.sqrt(sum(np.abs(e(s) * r) ** 2 for e, r in zip(elements, ratios, strict=True)))
+        known = {element: np.abs(np.asarray(element(s))) for element in set(plant.elements)}
+        squares = [
+            sum(
+                sum(abs(term.factor) * known[term.element] for term in terms) ** 2
+                for row in blocks.terms(index)
+                for terms in row
+            )
+            for index in range(len(blocks.blocks))
+        ]
+        size = np.sqrt(np.max(squares, axis=0))
     u = np.abs(weight(s)) ** 2
     return Samples(s, blocks.packed_at(s), u, np.asarray(size))
 

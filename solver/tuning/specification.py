@@ -47,7 +47,8 @@ __all__ = [
 
 MAX_STARTS = 1000
 BEST_PAIRING = "best"
-MOST_PROVEN = 2  # controllers, and units of a matrix plant, up to which optimality is proven
+MOST_PROVEN = 3  # different controllers up to which optimality is proven
+MOST_PROVEN_UNITS = 6  # of a matrix plant
 
 
 class ControllerKind(StrEnum):
@@ -200,7 +201,7 @@ class Specification:
         Today's settings, one loop a unit, of any kind: the result tells what they do.
     optimality_gap : bool
         Whether to prove how far the objective is from the least possible one. For PI with at most
-        two different controllers or PID with one; a matrix plant has at most two units.
+        three different controllers or PID with one; a matrix plant has at most six units.
 
     """
 
@@ -556,13 +557,13 @@ class Specification:
         if different > MOST_PROVEN:
             message = (
                 f"the optimality gap is proven for at most {MOST_PROVEN} different controllers; "
-                "use the arrangement 'identical', or 'grouped' with two sizes"
+                "use the arrangement 'identical', or 'grouped' with two or three sizes"
             )
             raise InvalidInputError(message, where)
-        if not self.interchangeable and self.plant.n > MOST_PROVEN:
+        if not self.interchangeable and self.plant.n > MOST_PROVEN_UNITS:
             message = (
                 "the optimality gap is proven for matrix plants, and for unlike output scales, "
-                f"up to {MOST_PROVEN} units"
+                f"up to {MOST_PROVEN_UNITS} units"
             )
             raise InvalidInputError(message, where)
 

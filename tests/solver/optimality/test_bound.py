@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.optimize import minimize
-from zoo import COLUMN, SLH, USUAL
+from zoo import COLUMN, SLH, THREE, USUAL
 
 from solver.model.errors import Cancelled, InvalidInputError
 from solver.model.plants import ParallelPlant, first_order
@@ -101,6 +101,34 @@ def test_one_pid_setting_is_proven_best_to_a_thousandth(plant, bounds):
     ).optimality
     assert proof.status is Proof.REACHED
     assert proof.boxes < 600
+
+
+MATRICES = {
+    "one PI": task(THREE),
+    "one PID": task(THREE, kind=ControllerKind.PID, bounds=Bounds((1, 40), (2, 90), (0.05, 10))),
+    "two groups": task(THREE, Arrangement.GROUPED, groups=((0, 2), (1,))),
+    "three groups": task(THREE, Arrangement.INDEPENDENT, bounds=Bounds((3, 15), (10, 40))),
+}
+
+
+@pytest.mark.parametrize("name", MATRICES)
+def test_three_units_or_groups_are_proven_best_to_a_thousandth(name):
+    """Matrix plants of three units with one to three controllers."""
+    result = tune(replace(MATRICES[name], optimality_gap=True))
+    assert result.optimality.status is Proof.REACHED
+
+
+def test_three_groups_without_interaction_reach_what_one_loop_does():
+    """The bound for three groups of six units is that of a single loop, proven by itself."""
+    alone = tune(task(first_order(1, 1, 20, 0, 0.5), optimality_gap=True)).optimality
+    proof = tune(
+        task(
+            first_order(6, 1, 20, 0, 0.5), Arrangement.GROUPED, groups=((0,), (1, 2), (3, 4, 5)),
+            bounds=Bounds((4, 20), (10, 40)), optimality_gap=True,
+        )
+    ).optimality  # fmt: skip
+    assert proof.status is Proof.REACHED
+    assert proof.lower_bound == pytest.approx(alone.lower_bound, rel=1e-5)
 
 
 def test_no_pid_settings_of_a_grid_are_better_than_the_bound():
@@ -255,15 +283,17 @@ def test_the_time_limit_ends_the_proof_and_not_the_tuning(monkeypatch):
     [
         {"kind": ControllerKind.PIF},
         {"kind": ControllerKind.PID, "arrangement": Arrangement.INDEPENDENT},
-        {"plant": first_order(3, 1, 10, 0.5), "arrangement": Arrangement.INDEPENDENT},
-        {"plant": first_order(3, 1, 10, 0.5), "arrangement": Arrangement.BEST},
-        {"arrangement": Arrangement.GROUPED, "group_sizes": (1, 1, 1),
-         "plant": first_order(3, 1, 10, 0.5)},
+        {"plant": first_order(4, 1, 10, 0.5), "arrangement": Arrangement.INDEPENDENT},
+        {"plant": first_order(4, 1, 10, 0.5), "arrangement": Arrangement.BEST},
+        {"arrangement": Arrangement.GROUPED, "group_sizes": (1, 1, 1, 1),
+         "plant": first_order(4, 1, 10, 0.5)},
+        {"plant": first_order(7, 1, 10, 0.1),
+         "performance": Performance(output_scale=(1, 2, 1, 1, 1, 1, 1))},
         {"demands": Demands(max_load_error=100)},
     ],
 )  # fmt: skip
 def test_what_is_not_covered_is_refused_by_name(refused):
-    """Free filters, unlike PID, more than two unlike PI and demands have no such proof."""
+    """Free filters, unlike PID, four unlike PI, seven unlike units and demands have no proof."""
     with pytest.raises(InvalidInputError) as error:
         task(**{"plant": SLH, "optimality_gap": True, **refused})
     assert error.value.field == "/search/optimality_gap"

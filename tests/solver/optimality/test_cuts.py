@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog
-from zoo import COLUMN, SLH, interactions
+from zoo import COLUMN, SLH, THREE, interactions
 
 from solver.model.blocks import reduce
 from solver.model.plants import first_order
@@ -31,9 +31,16 @@ OMEGA = np.geomspace(1e-3, 20, 12)
 
 @st.composite
 def loops(draw, mu=False):
-    """A plant with at most two different PI, or one PID, as an objective on `OMEGA`."""
-    if draw(st.integers(0, 9)) == 0:
+    """A plant with at most three different PI, or one PID, as an objective on `OMEGA`."""
+    which = draw(st.integers(0, 9))
+    if which == 0:
         plant, groups = COLUMN, ((0,), (1,))
+    elif which == 1:
+        plant = THREE
+        groups = draw(st.sampled_from([((0, 1, 2),), ((0, 2), (1,)), ((2,), (0,), (1,))]))
+    elif which == 2:
+        plant = first_order(6, 1, draw(st.floats(1, 100)), draw(interactions(-0.19, 0.99)), 0.5)
+        groups = ((0,), (1, 2), (3, 4, 5))
     else:
         n = draw(st.integers(1, 50))
         low = -0.99 / (n - 1) if n > 1 else 0.0
@@ -85,14 +92,14 @@ def right_side(cut, c):
     return level / length
 
 
-settings_near = st.lists(st.floats(-2, 2), min_size=4, max_size=4)
+settings_near = st.lists(st.floats(-2, 2), min_size=6, max_size=6)
 
 
 @settings(max_examples=60, deadline=None)
 @given(loops(), settings_near, settings_near)
 def test_a_cut_holds_for_all_settings(objective, here, there):
     """No settings have a level above the right side of a cut made elsewhere (hence the proof)."""
-    middle = np.array([2.0, 3.0, 0.0] if objective.per_controller == 3 else [2.0, 3.0] * 2)
+    middle = np.array([2.0, 3.0, 0.0] if objective.per_controller == 3 else [2.0, 3.0] * 3)
     size = objective.per_controller * objective.signs.size
     theta, other = (middle[:size] + np.array(x)[:size] for x in (here, there))
     cut, c, G = cut_at(objective, theta)
@@ -138,13 +145,13 @@ def test_a_cut_stays_sharp_along_the_strong_direction():
 
 
 @settings(max_examples=40, deadline=None)
-@given(loops() | loops(mu=True), settings_near, st.lists(st.floats(0, 1), min_size=4, max_size=4),
+@given(loops() | loops(mu=True), settings_near, st.lists(st.floats(0, 1), min_size=6, max_size=6),
        st.floats(0.01, 1), st.floats(0, 5))  # fmt: skip
 def test_no_settings_in_a_box_are_better_than_its_bound(objective, at, within, width, target):
     """The bound of a box is at most the value of any settings in it, frequency by frequency."""
     per = objective.per_controller
     size = per * objective.signs.size
-    middle = [2.0, -1.0, 0.0] if per == 3 else [2.0, -1.0] * 2
+    middle = [2.0, -1.0, 0.0] if per == 3 else [2.0, -1.0] * 3
     low = np.array(middle)[:size] + np.array(at)[:size]
     point = low + width * np.array(within)[:size]
     v = np.exp(point)  # k, k/tau_I and tau_D
@@ -219,7 +226,7 @@ def test_conditions_without_a_common_point_are_excluded():
 
 
 @settings(max_examples=40, deadline=None)
-@given(loops(), st.lists(st.floats(-3, 6), min_size=4, max_size=4))
+@given(loops(), st.lists(st.floats(-3, 6), min_size=6, max_size=6))
 def test_no_robustly_stable_settings_are_beyond_the_limits(objective, theta):
     """A gain or k/tau_I above its limit leaves no level at one of the frequencies."""
     per = objective.per_controller
