@@ -14,6 +14,7 @@ import numpy as np
 from solver.mu import one_scale, side_by_side
 from solver.mu.batch import batch
 from solver.mu.kernel import FINE, balance, sensitivities, solve
+from solver.mu.large_batch import large_batch
 from solver.mu.structure import BlockStructure, Bound, bound_of_scales
 from solver.mu.workspace import Factors, compiled, inner, square, workspace
 
@@ -24,6 +25,7 @@ __all__ = ["sweep", "upper_bound"]
 
 FAR = 3.0  # log of squared scales that balanced ones rarely differ by from the best
 FEW = 2  # frequencies that are not worth eight lanes
+WIDEST = 12  # rows of a block whose matrices, eight of each, fit into a fast cache
 
 
 def upper_bound(N: NDArray[np.complex128], structure: BlockStructure) -> Bound:
@@ -182,11 +184,22 @@ def sweep(G, c, u, b, layout, all_free, nu, cold, y):
         balanced=np.empty(y.shape[1]),
         done=np.zeros(G.shape[0], np.bool_),
     )
-    if _is_small(layout, y.shape[1]) and t.size > FEW:
-        work = batch(rows, blocks, c.shape[1], y.shape[1])
-        side_by_side.sweep(
-            G, c, u, b, layout, all_free, nu, cold, y, work, t, slope, det, scratch.done
-        )
+    done, left = scratch.done, np.empty(t.size, np.int64)
+    if _is_side_by_side(layout, widest, y.shape[1]) and t.size > FEW:
+        large = large_batch(rows, widest, blocks, c.shape[1], y.shape[1])
+        if widest <= 2 and y.shape[1] <= 2:
+            small = batch(rows, blocks, c.shape[1], y.shape[1])
+            side_by_side.sweep(
+                G, c, u, b, layout, all_free, nu, cold, y, small, t, slope, det, done
+            )
+        else:
+            side_by_side.sweep_large(
+                G, c, u, b, layout, all_free, nu, cold, y, large, t, slope, det, done
+            )
+        if done.size - done.sum() > FEW:
+            side_by_side.sweep_again(
+                G, c, u, b, layout, all_free, nu, y, large, t, slope, det, done, left
+            )
     ws = workspace(rows, widest, y.shape[1])
     _sweep(G, c, u, b, layout, all_free, nu, cold, y, scratch, ws, t, slope, det)
     return t, slope, det
@@ -263,14 +276,12 @@ def _is_closed_form(layout, n_scales):
 
 
 @inner
-def _is_small(layout, n_scales):
-    """Whether `solver.mu.side_by_side` can solve it."""
-    small = n_scales <= 2 and not _is_closed_form(layout, n_scales)
+def _is_side_by_side(layout, widest, n_scales):
+    """Whether `solver.mu.side_by_side` can solve it: every row is an input with its error."""
+    possible = widest <= WIDEST and not _is_closed_form(layout, n_scales)
     for channel in layout.channels:
-        small = small and channel >= 0
-    for block in range(layout.first.size - 1):
-        small = small and layout.first[block + 1] - layout.first[block] <= 2
-    return small
+        possible = possible and channel >= 0
+    return possible
 
 
 @inner

@@ -1,5 +1,7 @@
 """Frequencies side by side in vector registers: the kernel's own levels, and bounds like them."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -76,8 +78,33 @@ def loops(draw):
     return blocks, c, blocks.squared(u, OMEGA)
 
 
+@st.composite
+def large_loops(draw):
+    """Blocks, c and |w_I|^2 of a loop with three to five different controllers."""
+    groups = draw(st.integers(3, 5))
+    sizes = draw(st.lists(st.integers(1, 4), min_size=groups, max_size=groups))
+    each = [group for group, size in enumerate(sizes) for _ in range(size)]
+    n = len(each)
+    errors = draw(st.lists(st.floats(0.05, 0.9), min_size=groups, max_size=groups))
+    structure = draw(st.sampled_from(list(Structure)))
+    u = Uncertainty.from_error([errors[i] for i in each], [1.0] * n, structure)
+    plant = first_order(
+        n, draw(st.sampled_from([1.0, -2.0])), draw(st.floats(1, 100)),
+        draw(interactions(-0.99 / (n - 1), 0.99)), draw(st.sampled_from([0.0, 1.5])),
+    )  # fmt: skip
+    ends = np.cumsum([0, *sizes])
+    blocks = reduce(plant, tuple(tuple(range(*pair)) for pair in pairwise(ends)), u)
+    sign = np.sign(plant.element(0, 0).static_gain)
+    controllers = [
+        Controller(sign * 10 ** draw(st.floats(-1, 2)), 10 ** draw(st.floats(0, 2)))
+        for _ in range(groups)
+    ]
+    c = np.stack([controller.response(OMEGA) for controller in controllers], axis=1)
+    return blocks, c, blocks.squared(u, OMEGA)
+
+
 @settings(max_examples=100, deadline=None)
-@given(loops(), st.booleans(), st.sampled_from([FINE, 1e-5]), st.floats(0, 3))
+@given(loops() | large_loops(), st.booleans(), st.sampled_from([FINE, 1e-5]), st.floats(0, 3))
 def test_levels_are_those_of_the_kernel(loop, all_free, nu, log_tau_p):
     """From the same scales the kernel, one frequency at a time, ends at the same level.
 
