@@ -132,8 +132,9 @@ def _evaluate(layout, work, all_free):
 
 @inner
 def _centred_level(levels, top, nu):
-    """As `solver.mu.kernel.centred_level`, until it holds in all lanes."""
+    """As `solver.mu.kernel.centred_level`; a lane in which it holds stays as it is."""
     centre = top * (1.0 + nu)
+    active = top > 0.0
     for _ in range(MAX_ITERATIONS):
         total, slope = fill(0.0), fill(0.0)
         for i in range(levels.shape[0]):
@@ -142,8 +143,9 @@ def _centred_level(levels, top, nu):
             total += term
             slope += term * over
         move = (nu * total - 1.0) * total / slope
-        centre += move
-        if not any_of(magnitude(move) > 1e-4 * (centre - top)):
+        centre = pick(active, centre + move, centre)
+        active = active & (magnitude(move) > 1e-4 * (centre - top))
+        if not any_of(active):
             break
     return centre
 

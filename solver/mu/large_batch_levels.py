@@ -224,17 +224,17 @@ def centred(work, nu):
         active = active & (move > EXACT * top)
         if not any_of(active):
             break
-    centre = top * (1.0 + nu)
+    centre, product = top * (1.0 + nu), fill(1.0)
     active = top > TINY
     for _ in range(MAX_ITERATIONS):
-        first, second, _, _ = _sums(work, centre)
+        first, second, here, _ = _sums(work, centre)
+        product = pick(active, here, product)
         total = centre * first - count
         move = (nu * total - 1.0) * total / (centre * second - first)
-        centre = pick(active, centre + move, centre)
         active = active & (magnitude(move) > 1e-4 * (centre - top))
         if not any_of(active):
             break
-    _, _, product, _ = _sums(work, centre)
+        centre = pick(active, centre + move, centre)
     return top, centre, product
 
 

@@ -20,9 +20,9 @@ def sweep(
     columns = 2
     for turn in range((t.size - 1) // WIDTH + 1):
         for lane in range(WIDTH):
-            _fill(G, c, u, b, work, columns, lane, _place(turn, lane, t.size))
+            _fill(G, c, u, b, work, columns, lane, _place(turn, lane, t.size, cold))
             if not cold:
-                _fill_scales(y, work, lane, _place(turn, lane, t.size))
+                _fill_scales(y, work, lane, _place(turn, lane, t.size, cold))
         batch_loop.set_up(layout, work)
         if cold and turn == 0:
             batch_solve.balance(layout, work, all_free)
@@ -30,7 +30,7 @@ def sweep(
         batch_solve.solve(layout, work, all_free, nu)
         batch_loop.slopes(layout, work, all_free)
         for lane in range(WIDTH):
-            _take(work, lane, _place(turn, lane, t.size), t, slope, det, y, done)
+            _take(work, lane, _place(turn, lane, t.size, cold), t, slope, det, y, done)
 
 
 @inner
@@ -44,9 +44,9 @@ def sweep_large(
     widest = G.shape[2]
     for turn in range((t.size - 1) // WIDTH + 1):
         for lane in range(WIDTH):
-            _fill(G, c, u, b, work, widest, lane, _place(turn, lane, t.size))
+            _fill(G, c, u, b, work, widest, lane, _place(turn, lane, t.size, cold))
             if not cold:
-                _fill_scales(y, work, lane, _place(turn, lane, t.size))
+                _fill_scales(y, work, lane, _place(turn, lane, t.size, cold))
         large_batch_loop.set_up(layout, widest, work)
         if cold and turn == 0:
             large_batch_solve.balance(layout, widest, work, all_free)
@@ -54,7 +54,7 @@ def sweep_large(
         large_batch_solve.solve(layout, widest, work, all_free, nu, IMPATIENT)
         large_batch_loop.slopes(layout, widest, work, all_free)
         for lane in range(WIDTH):
-            _take(work, lane, _place(turn, lane, t.size), t, slope, det, y, done)
+            _take(work, lane, _place(turn, lane, t.size, cold), t, slope, det, y, done)
 
 
 @inner
@@ -82,8 +82,13 @@ def sweep_again(G, c, u, b, layout, all_free, nu, y, work, t, slope, det, done, 
 
 
 @inner
-def _place(turn, lane, count):
-    """Return the frequency of a lane: one after the other of its own stretch."""
+def _place(turn, lane, count, cold):
+    """Return the frequency of a lane: where each is its neighbour's start, of a stretch of its own.
+
+    Else eight that lie beside each other, since these need about as many steps.
+    """
+    if not cold:
+        return min(WIDTH * turn + lane, count - 1)
     begin, end = lane * count // WIDTH, (lane + 1) * count // WIDTH
     return max(min(begin + turn, end - 1), begin)
 

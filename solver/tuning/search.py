@@ -633,11 +633,17 @@ class GroupingSearch:
 
     def _known(self, found: _Found) -> int | None:
         """Index of the optimum that these settings stand for; None: none yet."""
-        for index, optimum in enumerate(self.optima):
-            if abs(optimum.value - found.value) < SAME_VALUE:
-                distance = self.canonical(optimum.theta) - self.canonical(found.theta)
-                if np.abs(distance).max() < SAME_PLACE:
-                    return index
+        near = [
+            index
+            for index, optimum in enumerate(self.optima)
+            if abs(optimum.value - found.value) < SAME_VALUE
+        ]
+        if not near:
+            return None
+        here = self.canonical(found.theta)
+        for index in near:
+            if np.abs(self.canonical(self.optima[index].theta) - here).max() < SAME_PLACE:
+                return index
         return None
 
     def _remember(self, found: _Found, count: int) -> None:

@@ -158,6 +158,29 @@ def test_any_number_of_frequencies(count):
         assert slope[k] == pytest.approx(slope_alone[0], rel=1e-5)
 
 
+@pytest.mark.parametrize("n", [2, 4])
+def test_a_level_does_not_depend_on_its_lane(n):
+    """In another order, beside other frequencies, each has the same digits."""
+    rng = np.random.default_rng(n)
+    loops = [Controller(40.0 / (1 + i), 60.0 / (1 + 3 * i)) for i in range(n)]
+    blocks, controllers = group_loops(first_order(n, 1, 100, 0.9), loops)
+    c = np.stack([controller.response(OMEGA) for controller in controllers], axis=1)
+    G, u = blocks.packed(OMEGA), blocks.squared(Uncertainty.from_error(0.2, 1), OMEGA)
+    b = np.ones(OMEGA.size)
+    start = np.zeros((OMEGA.size, n))
+    sweep(G, c, u, b, blocks.layout, all_free=False, nu=1e-4, cold=True, y=start)
+    start += 0.1 * rng.standard_normal(start.shape)
+    found = []
+    for order in (np.arange(OMEGA.size), rng.permutation(OMEGA.size)):
+        y = start[order]
+        level, slope, _ = sweep(
+            G[order], c[order], u[order], b, blocks.layout, all_free=False, nu=FINE, cold=False, y=y
+        )
+        back = np.argsort(order)
+        found.append(np.column_stack([level, slope.real, slope.imag, y])[back])
+    assert (found[0] == found[1]).all()
+
+
 def test_level_is_the_norm_at_its_scales():
     """The mu reported is the largest singular value of D N D^-1 for the scales beside it."""
     loops = [Controller(40, 60), Controller(20, 10)]
