@@ -75,7 +75,10 @@ def multivariable_limit(
             "dead time nor a zero in the right half plane"
         )
         return Limit(LimitStatus.UNLIMITED, objective, None, bound, reason=reason)
-    found = search.run()
+    building = Building(plant, uncertainty, performance, units, search)
+    first = search.first()
+    early = None if first is None else building.first_of([first])
+    found = search.run(first)
     if found is None and search.ended:
         reason = "the search was ended before it found a controller"
         return Limit(LimitStatus.TIME_LIMIT, objective, None, bound, reason=reason)
@@ -83,8 +86,7 @@ def multivariable_limit(
         reason = "no controller was found that keeps mu at 1 or below, however slow"
         return Limit(LimitStatus.INFEASIBLE, objective, None, bound, reason=reason)
     settled = not search.ended
-    building = Building(plant, uncertainty, performance, units, search)
-    realised = building.first_of(search.buildable(found))
+    realised = _faster(early, building.first_of(search.buildable(found)))
     value = found.tau_p * units.time if search.sought else found.mu
     if realised is not None and realised.robustness.peaks is not None:
         # Its basis is another one, and both are local searches.
@@ -100,6 +102,12 @@ def multivariable_limit(
         realised,
         warnings=_warnings(realised, settled=settled, ended=search.ended),
     )
+
+
+def _faster(one: Realised | None, other: Realised | None) -> Realised | None:
+    """Return the one of smaller tau_P; either may be missing."""
+    both = [each for each in (one, other) if each is not None]
+    return min(both, key=lambda each: each.tau_p, default=None)
 
 
 def _warnings(realised: Realised | None, *, settled: bool, ended: bool) -> tuple[str, ...]:

@@ -97,7 +97,9 @@ def reducible(search: LimitSearch, found: Found) -> list[Reducible]:
         Y = found.basis.realise(found.X[index])
         mixed = StateSpace(Y.A, Y.B, own.inverse @ Y.C, own.inverse @ Y.D)
         controller = _controller(mixed, _model(search, own, found.basis.end))
-        integrators, others = _integrators(controller, own.size)
+        search.ask()
+        integrators, others = _integrators(_in_schur_form(controller), own.size)
+        search.ask()
         unstable, rest = _split(others, NOT_STABLE * search.bandwidth)
         if own.integrating.any():
             slow = INTEGRAL * min(1 / found.tau_p, search.bandwidth)
@@ -208,6 +210,15 @@ def _controller(Q: StateSpace, G: StateSpace) -> StateSpace:
     return StateSpace(A, np.vstack([Q.B @ D_e, G.B @ D_u]), C_u, D_u)
 
 
+def _in_schur_form(system: StateSpace) -> StateSpace:
+    """Return the system with A in real Schur form: a second decomposition costs little then."""
+    T, scale = linalg.matrix_balance(system.A, permute=False)
+    diagonal = np.diag(scale)
+    A, V = linalg.schur(T)
+    B, C = system.B / diagonal[:, None], system.C * diagonal
+    return StateSpace(A, V.T @ B, C @ V, system.D)
+
+
 def _integrators(system: StateSpace, count: int) -> tuple[StateSpace, StateSpace]:
     """Return the `count` integrators, exact ones, and the rest with D.
 
@@ -228,11 +239,8 @@ def _parted(
     system: StateSpace, keep: Callable[[float, float], bool]
 ) -> tuple[StateSpace, StateSpace]:
     """Return the part whose poles (real, imaginary) are to be kept, and the rest with D."""
-    T, scale = linalg.matrix_balance(system.A, permute=False)
-    diagonal = np.diag(scale)
-    B, C = system.B / diagonal[:, None], system.C * diagonal
-    A, V, kept = linalg.schur(T, sort=keep)
-    B, C = V.T @ B, C @ V
+    A, V, kept = linalg.schur(system.A, sort=keep)
+    B, C = V.T @ system.B, system.C @ V
     X = linalg.solve_sylvester(A[:kept, :kept], -A[kept:, kept:], -A[:kept, kept:])
     # Coordinates in which A is block diagonal.
     first = B[:kept] - X @ B[kept:]
@@ -253,7 +261,9 @@ def _balanced(
     """Weighted balanced coordinates, by the square-root method."""
     eye = np.eye(rest.states)
     steered = StateSpace(rest.A, rest.B, eye, 0 * rest.B).response(omega)
-    seen = StateSpace(rest.A.T, rest.C.T, eye, 0 * rest.C.T).response(omega).swapaxes(1, 2)
+    # Of A in Schur form the transpose is too, its states in reverse.
+    back = StateSpace(rest.A.T[::-1, ::-1], rest.C.T[::-1], eye[::-1], 0 * rest.C.T)
+    seen = back.response(omega).swapaxes(1, 2)
     # Either weight may be huge at low frequency where their product is not.
     sizes = [np.linalg.norm(part, axis=(1, 2)) for part in (before, after)]
     share = np.sqrt(np.gradient(np.log(omega)))

@@ -51,7 +51,7 @@ BUILT_DELAYED = 14.0  # the same over the inverse of the longest dead time: what
 BUILT_END = 3.0  # where its functions begin to fall, over its fastest pole
 BUILT_DENSITY = 3.0  # of its poles, as `POLES_PER_DECADE`
 # The same of a first controller, and the relative gain below which its steps end.
-FIRST_TARGET, FIRST_SETTLED = 0.8, 0.05
+FIRST_TARGET, FIRST_SETTLED, FIRST_END = 0.8, 0.15, 1.0
 MAX_STEPS = 60
 MAX_EXCHANGES = 6  # after which peaks between the points are let pass that a larger tau_P lowers
 LAST_EXCHANGE = 18  # of those that no tau_P lowers: with the densest of grids few are left
@@ -60,6 +60,7 @@ SLOWEST_TRIED = 1e6  # times the inverse bandwidth: w_P has then ended before an
 POINTS_PER_DECADE = 12.0
 MATRIX_POINTS = 7.0  # the same for a matrix plant, whose program is a hundred times as large
 REFINED_SIZE = 3  # units of the largest matrix plant whose basis is refined
+EARLY_SIZE = 3  # units of the smallest matrix plant of which something is built early
 DENSER = 5  # points of the checking grid for each one of the program's
 # Of the basis, each pole twice: of one refinement after another, of plants whose steps cost
 # milliseconds, and of others.
@@ -193,7 +194,7 @@ class LimitSearch:
         self.range = low, high
         extra = [resonances_of((*plant.elements, *uncertainty.weights)), bends]
         density = POINTS_PER_DECADE if self.scalar else MATRIX_POINTS
-        self.omega = grid(low / 200, 30 * high, density, extra)
+        self.omega = self._grid = grid(low / 200, 30 * high, density, extra)
 
     def _spread(self) -> float:
         """Greatest gain of the plant at low frequency over its least one, whatever the units."""
@@ -215,9 +216,11 @@ class LimitSearch:
         """Whether all blocks have one channel: then a step costs milliseconds."""
         return all(block.size == 1 for block in self.blocks.blocks)
 
-    def run(self) -> Found | None:
-        """Return the best controller; None where mu stays above 1 for every tau_P."""
-        best = self._at_first()
+    def run(self, first: Found | None = None) -> Found | None:
+        """Return the best controller, from a first one; None if mu exceeds 1 for every tau_P."""
+        best = first
+        if self.ended:
+            return best
         end = self.range[1]
         if self.scalar:
             bases = [(density, FURTHER * end) for density in POLES_PER_DECADE]
@@ -238,18 +241,33 @@ class LimitSearch:
                 break
         return best
 
-    def _at_first(self) -> Found | None:
+    @property
+    def costly(self) -> bool:
+        """Whether many seconds go by before the best controller is there."""
+        return not self.scalar and self.plant.n > REFINED_SIZE
+
+    def first(self) -> Found | None:
         """Return a controller that is there early, where many seconds go by before the best one.
 
-        It keeps so much of mu in hand that few peaks between the points exceed what is allowed.
+        It keeps so much of mu in hand that few peaks between the points exceed what is allowed,
+        and that little more is needed to build it.
         """
-        if not self.sought or self.scalar or self.plant.n <= REFINED_SIZE:
+        if not self.sought or self.scalar or self.plant.n < EARLY_SIZE:
             return None
         self.target, self.allowed, self.settled = FIRST_TARGET, TARGET, FIRST_SETTLED
-        basis = self._basis(MATRIX_POLES[0], self.range[1], 10 * self.range[1])
-        found = self._with_basis(basis, None)
+        found = self._with_basis(self._built_basis(MATRIX_POLES[0], FIRST_END), None)
         self.target, self.allowed, self.settled = TARGET, 0.0, SETTLED
         return found
+
+    def ask(self) -> None:
+        """Call `tick` until it has ended the search: what is left then is short."""
+        if not self.ended:
+            self.tick()
+
+    def ask_between(self) -> None:
+        """Call it where mu on one grid takes more than milliseconds."""
+        if not self.scalar:
+            self.ask()
 
     def enough(self) -> bool:
         """Whether the search is to end with what it has."""
@@ -276,11 +294,11 @@ class LimitSearch:
     def _value(self, found: Found) -> float:
         return found.tau_p if self.sought else found.mu
 
-    def _built_basis(self, density: float) -> Basis:
+    def _built_basis(self, density: float, end: float = BUILT_END) -> Basis:
         high = min(self.range[1], BUILT_HIGH * self.bandwidth)
         if self.plant.longest_dead_time > 0:
             high = min(high, BUILT_DELAYED / self.plant.longest_dead_time)
-        return self._basis(density, high, BUILT_END * high)
+        return self._basis(density, high, end * high)
 
     def _basis(self, density: float, high: float, end: float) -> Basis:
         low = self.range[0]
@@ -290,19 +308,25 @@ class LimitSearch:
 
     def _with_basis(self, basis: Basis, before: Found | None) -> Found | None:
         """Best controller in one basis, its grid following the peaks."""
-        omega = self.omega if before is None else before.omega
-        state = _State(self, basis, omega)
+        self._met = []
+        try:
+            return self._followed(basis, before)
+        except EnoughError:
+            self.ended = True
+        # Of a large plant, a look between the points of the grid takes seconds.
+        return None if self.costly and before is not None else self._last(basis)
+
+    def _followed(self, basis: Basis, before: Found | None) -> Found | None:
+        self._grid = self.omega if before is None else before.omega
+        state = _State(self, basis, self._grid)
         if before is None:
             start = [np.zeros((basis.size, block.size, block.size)) for block in self.youla]
             tau_p = self.performance.tau_p or 10 / self.bandwidth
         else:
             start, tau_p = state.fitted(before), before.tau_p
         mu, v, tau_p = self._slower(state, start, tau_p)
-        self._met = []
         for exchange in range(LAST_EXCHANGE):
             result = self._descend(state, start, v, mu, tau_p)
-            if self.ended:
-                return self._last(state, v)
             if result is None:
                 return None
             X, v, mu, tau_p = result
@@ -310,8 +334,8 @@ class LimitSearch:
             checked = self._checked(state, X, v, tau_p)
             if checked is None or isinstance(checked, Found):
                 return checked
-            omega = np.union1d(state.omega, checked)
-            state = _State(self, basis, omega)
+            self._grid = np.union1d(state.omega, checked)
+            state = _State(self, basis, self._grid)
             mu, v, tau_p = self._slower(state, X, tau_p)
             if exchange + 1 >= MAX_EXCHANGES:
                 found = self._found(state, X, v, tau_p)
@@ -319,12 +343,13 @@ class LimitSearch:
                     return found
         return None
 
-    def _last(self, state: _State, v: NDArray[np.float64]) -> Found | None:
+    def _last(self, basis: Basis) -> Found | None:
         """Return the last controller met that keeps its mu between the points of the grid too."""
+        state = _State(self, basis, self._grid)
         back = 1
         while back <= len(self._met):
             X, tau_p = self._met[-back]
-            found = self._found(state, X, v, tau_p)
+            found = self._found(state, X, state.measure(X, tau_p)[1], tau_p)
             if found is not None:
                 return found
             back *= 2
@@ -348,19 +373,10 @@ class LimitSearch:
         tau_p: float,
     ) -> tuple[list[NDArray[np.float64]], NDArray[np.float64], float, float] | None:
         """Take steps until they gain no more."""
-        for taken in range(MAX_STEPS):
-            if self.enough():
-                if not taken:
-                    return None
-                break
+        for _ in range(MAX_STEPS):
+            self.ask()
             faster = self.sought and mu <= self.target * (1 + BETWEEN)
-            try:
-                trial = state.step(X, v, mu, tau_p, faster=faster)
-            except EnoughError:
-                self.ended = True
-                if not taken:
-                    return None
-                break
+            trial = state.step(X, v, mu, tau_p, faster=faster)
             trial_mu, _ = state.measure(trial, tau_p)
             gain = 0.0
             if trial_mu < mu:
@@ -388,6 +404,7 @@ class LimitSearch:
         dense = checking_grid(state.omega)
 
         def curve(omega: NDArray[np.float64]) -> NDArray[np.float64]:
+            self.ask_between()
             return _State(self, state.basis, omega).curve(X, tau_p)[0]
 
         values = curve(dense)
@@ -496,6 +513,7 @@ class _State:
 
         def peak(tau_p: float) -> float:
             nonlocal among
+            self.search.ask_between()
             mu = self._curve(rows, tau_p, among)[0]
             if (mu > level).any():
                 # mu falls with tau_P at every frequency: what is met here is met from here on.

@@ -32,6 +32,7 @@ from solver.mu.scaling import upper_bound
 from solver.mu.structure import BlockStructure
 from solver.robustness.analysis import analyse
 from solver.robustness.centralised import analyse_centralised
+from solver.robustness.record import GuaranteeStatus
 
 UNCERTAINTY = Uncertainty.from_error(0.2, 1.0)
 COLUMN = MatrixPlant(
@@ -435,8 +436,53 @@ def test_a_search_that_is_ended_keeps_its_first_controller(
         return first if before is None else None
 
     monkeypatch.setattr(task, "_with_basis", with_basis)
-    assert task.run() is first
+    assert task.run(task.first()) is first
     assert targets[0] < 0.9 < targets[1]
+
+
+def test_a_search_that_is_ended_has_built_its_first_controller(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Where many seconds go by, something is built before the best is sought, and is returned."""
+    rows = [[TransferFunction([1.0 + 3.0 * (i == j)], [10, 1]) for j in range(3)] for i in range(3)]
+    over = []
+
+    def tick() -> None:
+        if over:
+            raise EnoughError
+
+    def run(_: LimitSearch, first: Found | None) -> Found | None:
+        over.append(first)
+        return first
+
+    monkeypatch.setattr(LimitSearch, "run", run)
+    found = multivariable_limit(MatrixPlant(rows), UNCERTAINTY, Performance(), tick=tick)
+    assert over[0] is not None
+    assert found.status is LimitStatus.TIME_LIMIT
+    assert found.realised is not None
+    assert found.realised.robustness.guarantee is not None
+    assert found.realised.robustness.guarantee.status is GuaranteeStatus.PROVEN
+    assert found.value == pytest.approx(found.realised.tau_p, rel=0.2)
+
+
+def test_no_part_of_the_making_of_a_controller_keeps_an_end_waiting() -> None:
+    """Asked within the reduction and the proof too, and ended at whichever point."""
+    given = RIGHT, UNCERTAINTY, Performance()
+    calls = iter(range(10**9))
+    limit_of = functools.partial(multivariable_limit, *given)
+    limit_of(tick=lambda: next(calls) and None)
+    whole = next(calls)
+    asked = []
+
+    def tick() -> None:
+        asked.append(len(asked))
+        if len(asked) > whole - 2:
+            raise EnoughError
+
+    found = limit_of(tick=tick)
+    assert found.status is LimitStatus.TIME_LIMIT
+    assert found.value is not None
+    assert len(asked) < whole + 2
 
 
 def test_a_controller_on_its_way_may_have_more_states_than_a_request() -> None:
