@@ -111,7 +111,7 @@ class LimitResult(ResultModel):
     objective: Literal["tau_p", "mu"] = Field(description="What value is.", examples=["tau_p"])
     value: float | None = Field(
         description="Least tau_p or mu found over all controllers of any order: a local optimum.",
-        examples=[4.25],
+        examples=[4.15],
     )
     reason: str | None = Field(description="Why there is no value.", examples=[None])
     multivariable: Multivariable | None = Field(

@@ -109,7 +109,7 @@ class Alternatives(ResultModel):
         examples=["found"],
     )
     limit: float | None = Field(
-        description="Least tau_p or mu found over all controllers of any order.", examples=[4.25]
+        description="Least tau_p or mu found over all controllers of any order.", examples=[4.15]
     )
     lower_bound: LowerBound | None = Field(
         description="What no linear controller can pass.",

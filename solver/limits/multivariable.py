@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 __all__ = ["MAX_LIMIT_SIZE", "multivariable_limit", "require_covered"]
 
 FOUND_FOR = "the limit is found for"
+NEAR = 1.03  # of the limit: what is built so near to it is good enough
 MAX_LIMIT_SIZE = 6  # of a matrix plant: the convex program grows with its fourth power
 
 
@@ -86,12 +87,15 @@ def multivariable_limit(
         reason = "no controller was found that keeps mu at 1 or below, however slow"
         return Limit(LimitStatus.INFEASIBLE, objective, None, bound, reason=reason)
     settled = not search.ended
-    realised = _faster(early, building.first_of(search.buildable(found)))
     value = found.tau_p * units.time if search.sought else found.mu
-    if realised is not None and realised.robustness.peaks is not None:
-        # Its basis is another one, and both are local searches.
-        peak = realised.robustness.peaks.robust_performance.value
-        value = min(value, realised.tau_p if search.sought else peak)
+    realised, reached = early, _reached(early, objective)
+    for density in search.built_densities:
+        built = building.first_of(search.buildable(found, density))
+        if _reached(built, objective) < reached:
+            realised, reached = built, _reached(built, objective)
+        if reached <= NEAR * value or search.ended:
+            break
+    value = min(value, reached)  # its basis is another one, and both are local searches
     if realised is not None:
         realised = replace(realised, controller=scaled.given_back(realised.controller))
     return Limit(
@@ -104,10 +108,12 @@ def multivariable_limit(
     )
 
 
-def _faster(one: Realised | None, other: Realised | None) -> Realised | None:
-    """Return the one of smaller tau_P; either may be missing."""
-    both = [each for each in (one, other) if each is not None]
-    return min(both, key=lambda each: each.tau_p, default=None)
+def _reached(realised: Realised | None, objective: str) -> float:
+    """Return the tau_P, or the mu, of what was built; infinite where nothing was."""
+    if realised is None or realised.robustness.peaks is None:
+        return math.inf
+    peak = realised.robustness.peaks.robust_performance.value
+    return realised.tau_p if objective == "tau_p" else peak
 
 
 def _warnings(realised: Realised | None, *, settled: bool, ended: bool) -> tuple[str, ...]:

@@ -46,10 +46,11 @@ BETWEEN = 5e-4  # relative excess of mu between the grid's points that is let pa
 TARGET = 1 - 2 * BETWEEN  # of mu on the grid where tau_P is sought, so that 1 holds between
 # What is built keeps this much of mu in hand for the reduction of its order, and ends earlier.
 MARGINS = (0.993, 0.98, 0.95, 0.88)
-BUILT_HIGH = 30.0  # fastest pole of its basis over the bandwidth
+BUILT_HIGH = 30.0  # fastest pole of its basis over the bandwidth, of a matrix plant
 BUILT_DELAYED = 14.0  # the same over the inverse of the longest dead time: what Pade quotients hold
 BUILT_END = 3.0  # where its functions begin to fall, over its fastest pole
-BUILT_DENSITY = 3.0  # of its poles, as `POLES_PER_DECADE`
+# Of its poles, as `POLES_PER_DECADE`: of one attempt after another.
+BUILT_POLES, BUILT_MATRIX_POLES = (4.0, 6.0), (3.0, 4.5)
 # The same of a first controller, and the relative gain below which its steps end.
 FIRST_TARGET, FIRST_SETTLED, FIRST_END = 0.8, 0.15, 1.0
 MAX_STEPS = 60
@@ -277,9 +278,16 @@ class LimitSearch:
             self.ended = True
         return self.ended
 
-    def buildable(self, best: Found) -> Iterator[Found]:
+    @property
+    def built_densities(self) -> tuple[float, ...]:
+        """Of the poles of what is built, each richer than the one before and nearer to the best."""
+        if self.scalar:
+            return BUILT_POLES
+        return BUILT_MATRIX_POLES if self.plant.n <= REFINED_SIZE else BUILT_MATRIX_POLES[:1]
+
+    def buildable(self, best: Found, density: float) -> Iterator[Found]:
         """Yield controllers with a margin for their realisation, the fastest one first."""
-        basis = self._built_basis(BUILT_DENSITY)
+        basis = self._built_basis(density)
         # T = I at rest, where mu is |w_I| whatever the controller: half of what that leaves.
         most = (1 + abs(complex(self.uncertainty.weight_of(0)(0.0)))) / 2
         margins = dict.fromkeys(max(margin, most) for margin in MARGINS)
@@ -296,6 +304,8 @@ class LimitSearch:
 
     def _built_basis(self, density: float, end: float = BUILT_END) -> Basis:
         high = min(self.range[1], BUILT_HIGH * self.bandwidth)
+        if self.scalar:
+            high = FURTHER * self.range[1]
         if self.plant.longest_dead_time > 0:
             high = min(high, BUILT_DELAYED / self.plant.longest_dead_time)
         return self._basis(density, high, end * high)

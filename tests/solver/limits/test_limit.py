@@ -202,7 +202,7 @@ def test_reduction_keeps_the_digits_that_scales_of_the_states_take() -> None:
     """A controller in all of its states is Q (I - G Q)^-1 where one input integrates."""
     units = in_natural_units(_level(1, (1, 1), 1), UNCERTAINTY, Performance())
     task = LimitSearch(units.plant, units.uncertainty, units.performance)
-    basis = task._built_basis(search.BUILT_DENSITY)  # noqa: SLF001 - one stage of the search
+    basis = task._built_basis(search.BUILT_MATRIX_POLES[0])  # noqa: SLF001 - one stage of the search
     rng = np.random.default_rng(0)
     X = [0.03 * rng.normal(size=(basis.size, 2, 2))]
     found = Found(X, basis, 0.9, 0.9, task.omega, np.ones((task.omega.size, 2)))
@@ -285,7 +285,7 @@ INVERSE_RESPONSE = MatrixPlant(
 def test_a_slower_demand_is_asked_where_a_step_gains_nothing() -> None:
     """Where the uncertainty alone holds mu at its peak, a margin still comes of a larger tau_P."""
     task = LimitSearch(INVERSE_RESPONSE, UNCERTAINTY, Performance())
-    basis = task._built_basis(search.BUILT_DENSITY)  # noqa: SLF001 - one stage of the search
+    basis = task._built_basis(search.BUILT_MATRIX_POLES[0])  # noqa: SLF001 - one stage of the search
     first = task._with_basis(basis, None)  # noqa: SLF001
     assert first is not None
     task.target = 0.95
