@@ -107,7 +107,7 @@ MATRICES = {
     "one PI": task(THREE),
     "one PID": task(THREE, kind=ControllerKind.PID, bounds=Bounds((1, 40), (2, 90), (0.05, 10))),
     "two groups": task(THREE, Arrangement.GROUPED, groups=((0, 2), (1,))),
-    "three groups": task(THREE, Arrangement.INDEPENDENT, bounds=Bounds((3, 15), (10, 40))),
+    "three groups": task(THREE, Arrangement.INDEPENDENT, bounds=Bounds((3.5, 9), (11, 25))),
 }
 
 
