@@ -108,8 +108,9 @@ function guaranteed(guarantee, signals) {
 /** How much better any settings can be. @param {any} result */
 function limit({ objective, optimality: { lower_bound: least, gap, status } }) {
   if (!least) return help("How far from the best possible one: nothing was proven in the time.");
+  const bound = objective === "tau_p" ? timed(least) : number(least);
   return h("p", {}, h("strong", {}, `Proven${status === "reached" ? "" : " in the time"}:`),
-    ` no settings in such groups and within the bounds go below ${objective === "tau_p" ? timed(least) : number(least)},`,
+    ` no settings in such groups and within the bounds go below ${bound},`,
     ` ${number(100 * gap, 3)} % less than here.`);
 }
 
