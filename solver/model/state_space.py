@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 __all__ = ["MAX_STATES", "StateSpace", "from_polynomials", "from_transfer_matrix"]
 
 MAX_STATES = 400  # of a system that is given; what is made of one on the way may have more
+# Up to so many, each value solves for the states: that keeps the digits of coefficients, of which
+# multiple poles lose half in triangular form.
+FEW = 40
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,6 +100,10 @@ class StateSpace(ByValue):
         points = np.asarray(s, dtype=complex)
         if not self.states:
             return np.broadcast_to(self.D.astype(complex), (points.size, *self.D.shape)).copy()
+        if self.states <= FEW:
+            resolvent = points[:, None, None] * np.eye(self.states) - self.A
+            B = np.broadcast_to(self.B, (points.size, *self.B.shape))
+            return np.asarray(self.C @ np.linalg.solve(resolvent, B) + self.D)
         T, B, C = self._triangular
         distance = points[:, None] - np.diag(T)
         states = np.empty((self.states, points.size * B.shape[1]), dtype=complex)
