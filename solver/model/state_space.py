@@ -102,8 +102,8 @@ class StateSpace(ByValue):
             return np.broadcast_to(self.D.astype(complex), (points.size, *self.D.shape)).copy()
         if self.states <= FEW:
             resolvent = points[:, None, None] * np.eye(self.states) - self.A
-            B = np.broadcast_to(self.B, (points.size, *self.B.shape))
-            return np.asarray(self.C @ np.linalg.solve(resolvent, B) + self.D)
+            steered = np.broadcast_to(self.B, (points.size, *self.B.shape))
+            return np.asarray(self.C @ np.linalg.solve(resolvent, steered) + self.D)
         T, B, C = self._triangular
         distance = points[:, None] - np.diag(T)
         states = np.empty((self.states, points.size * B.shape[1]), dtype=complex)
