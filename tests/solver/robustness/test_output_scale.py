@@ -10,7 +10,6 @@ import pytest
 from solver.certificate.record import Claim
 from solver.certificate.search import certify
 from solver.certificate.verify import verify
-from solver.limits.multivariable import multivariable_limit
 from solver.model.blocks import group_loops
 from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError
@@ -239,13 +238,6 @@ def test_permitted_errors_are_positive_and_comparable(scale: tuple[float, ...], 
     with pytest.raises(InvalidInputError) as caught:
         Performance(output_scale=scale)
     assert caught.value.field == field
-
-
-def test_the_limit_of_any_controller_refuses_unlike_permitted_errors() -> None:
-    """It would be that of another demand."""
-    with pytest.raises(InvalidInputError) as caught:
-        multivariable_limit(wood_berry(), UNCERTAINTY, Performance(output_scale=(1.0, 2.0)))
-    assert caught.value.field == "/performance/output_scale"
 
 
 def test_errors_in_concert_have_no_permitted_errors() -> None:
