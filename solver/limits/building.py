@@ -188,6 +188,7 @@ class Building:
         matrices, weight = analysis.matrices(dense), performance.magnitude(dense)
 
         def curve(tau_p: float, among: NDArray[np.intp]) -> NDArray[np.float64]:
+            self.search.tick()
             w_P = self.performance.with_tau_p(tau_p).magnitude(dense[among])
             ratio = (w_P / weight[among])[:, None]
             scaled = []
@@ -197,19 +198,8 @@ class Building:
                 scaled.append(rows[:, :, None] * N[among])
             return best_scales(self._blocks, scaled)[0]
 
-        every = left = np.arange(dense.size)
-
-        def peak(tau_p: float) -> float:
-            nonlocal left
-            self.search.tick()
-            values = curve(tau_p, left)
-            if (values > 1).any():
-                # mu falls with tau_P at every frequency: what is met here is met from here on.
-                left = left[values > 1]
-            return float(values.max())
-
-        tau_p = least_tau_p(peak, start)
+        tau_p = least_tau_p(curve, dense.size, start)
         if math.isfinite(tau_p):
             return tau_p
-        values = curve(SLOWEST_TRIED * self.units.time, every)
+        values = curve(SLOWEST_TRIED * self.units.time, np.arange(dense.size))
         return Peak(float(values.max()), float(dense[values.argmax()]))

@@ -109,7 +109,7 @@ def lower_bound(plant: Plant, uncertainty: Uncertainty, performance: Performance
     if abs(complex(uncertainty.weight_of(0)(0.0))) > 1:  # |w_P(0)| = 1/A > 1 whatever tau_P is
         return LowerBound(math.inf, 0j, Limitation.UNCERTAINTY)
     start = 1 / float(corners(plant, uncertainty).max())
-    least = least_tau_p(lambda tau_p: float(values(tau_p).max()), start)
+    least = least_tau_p(lambda tau_p, among: values(tau_p)[among], points.z.size, start)
     here = values(least * (1 - 1e-6))
     best = int(here.argmax())
     if not here[best] > 1:

@@ -104,14 +104,21 @@ class Found:
 
 
 def least_tau_p(
-    peak: Callable[[float], float], start: float, level: float = 1.0, *, digits: float = DIGITS
+    curve: Callable[[float, NDArray[np.intp]], NDArray[np.float64]],
+    count: int,
+    start: float,
+    level: float = 1.0,
+    *,
+    digits: float = DIGITS,
 ) -> float:
-    """Least tau_P at which a falling peak is at most `level`; infinite without one.
+    """Least tau_P at which a falling curve is at most `level`; infinite without one.
 
     Parameters
     ----------
-    peak : callable
-        mu at a time constant; falls as that grows.
+    curve : callable
+        mu at a time constant and at these of the frequencies, (k,); falls as the former grows.
+    count : int
+        Number of frequencies.
     start : float
         Where to begin.
     level : float
@@ -120,6 +127,16 @@ def least_tau_p(
         Relative width of the bracket that is left.
 
     """
+    left = np.arange(count)
+
+    def peak(tau_p: float) -> float:
+        nonlocal left
+        values = curve(tau_p, left)
+        if (values > level).any():
+            # mu falls with tau_P at every frequency: what is met here is met from here on.
+            left = left[values > level]
+        return float(values.max())
+
     low = high = start
     above = below = _excess(peak(start), level)
     if above <= 0:
@@ -303,9 +320,8 @@ class LimitSearch:
         return found.tau_p if self.sought else found.mu
 
     def _built_basis(self, density: float, end: float = BUILT_END) -> Basis:
-        high = min(self.range[1], BUILT_HIGH * self.bandwidth)
-        if self.scalar:
-            high = FURTHER * self.range[1]
+        own = self.range[1]
+        high = FURTHER * own if self.scalar else min(own, BUILT_HIGH * self.bandwidth)
         if self.plant.longest_dead_time > 0:
             high = min(high, BUILT_DELAYED / self.plant.longest_dead_time)
         return self._basis(density, high, end * high)
@@ -519,18 +535,12 @@ class _State:
     def least_tau_p(self, X: list[NDArray[np.float64]], start: float, level: float) -> float:
         """Least tau_P at which the coefficients keep mu at `level` or below on the grid."""
         rows = [(block, *self._columns(block, x)) for block, x in zip(self.affine, X, strict=True)]
-        among = np.arange(self.omega.size)
 
-        def peak(tau_p: float) -> float:
-            nonlocal among
+        def curve(tau_p: float, among: NDArray[np.intp]) -> NDArray[np.float64]:
             self.search.ask_between()
-            mu = self._curve(rows, tau_p, among)[0]
-            if (mu > level).any():
-                # mu falls with tau_P at every frequency: what is met here is met from here on.
-                among = among[mu > level]
-            return float(mu.max())
+            return self._curve(rows, tau_p, among)[0]
 
-        return least_tau_p(peak, start, level, digits=BISECTED)
+        return least_tau_p(curve, self.omega.size, start, level, digits=BISECTED)
 
     def _columns(
         self, block: AffineBlock, x: NDArray[np.float64]
