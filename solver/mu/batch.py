@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from solver.mu.lanes import WIDTH, load, store
+from solver.mu.lanes import WIDTH, fill, load, store
 from solver.mu.workspace import compiled, inner
 
 if TYPE_CHECKING:
@@ -125,6 +125,34 @@ def times(a, b):
 def conjugate_times(a, b):
     """Return a^H b."""
     return a[0] * b[0] + a[1] * b[1], a[0] * b[1] - a[1] * b[0]
+
+
+@inner
+def product_sum(start, A, a, a_step, B, b, b_step, count):
+    """Return `start` plus the sum of A[a + m a_step] B[b + m b_step] over `count` m from 0."""
+    real, imaginary = start
+    more, less = fill(0.0), fill(0.0)
+    for m in range(count):
+        x, y = pair(A, a + m * a_step), pair(B, b + m * b_step)
+        real += x[0] * y[0]
+        more += x[1] * y[1]
+        imaginary += x[0] * y[1]
+        less += x[1] * y[0]
+    return real - more, imaginary + less
+
+
+@inner
+def conjugate_sum(start, A, a, a_step, B, b, b_step, count):
+    """Return the same with the conjugates of A's numbers."""
+    real, imaginary = start
+    more, less = fill(0.0), fill(0.0)
+    for m in range(count):
+        x, y = pair(A, a + m * a_step), pair(B, b + m * b_step)
+        real += x[0] * y[0]
+        more += x[1] * y[1]
+        imaginary += x[0] * y[1]
+        less += x[1] * y[0]
+    return real + more, imaginary - less
 
 
 @inner

@@ -5,7 +5,17 @@ form T the factors of L - T, delta_i = L - d_i - e^2/delta_(i-1), all positive a
 sum 1/(L - l_i) and its slope, sums of positive terms. From above Laguerre's method is monotone.
 """
 
-from solver.mu.batch import conjugate_times, pair, plus, put, scaled, square, times
+from solver.mu.batch import (
+    conjugate_sum,
+    conjugate_times,
+    pair,
+    plus,
+    product_sum,
+    put,
+    scaled,
+    square,
+    times,
+)
 from solver.mu.kernel import MAX_ITERATIONS
 from solver.mu.lanes import any_of, exp, fill, load, magnitude, maximum, minimum, pick, root, store
 from solver.mu.workspace import TINY, inner
@@ -57,15 +67,9 @@ def _fill_entries(scales, lo, n, widest, work):
             e = load(work.x_inverse, scales[lo + j])
             put(row, j, scaled(pair(A, (lo + i) * widest + j), e))
         for k in range(i + 1):
-            real, imaginary = pair(work.W_0, (lo + i) * widest + k)
-            more, less = fill(0.0), fill(0.0)
-            for j in range(n):
-                a, other = pair(row, j), pair(A, (lo + k) * widest + j)
-                real += a[0] * other[0]
-                more += a[1] * other[1]
-                imaginary += a[1] * other[0]
-                less += a[0] * other[1]
-            put(W, (lo + i) * widest + k, (real + more, imaginary - less))
+            place = (lo + i) * widest + k
+            start = pair(work.W_0, place)
+            put(W, place, conjugate_sum(start, A, (lo + k) * widest, 1, row, 0, 1, n))
 
 
 @inner
@@ -75,59 +79,48 @@ def _limited(scales, lo, n, widest, work, b):
     left, least = fill(1.0), fill(1.0)
     for i in range(n):
         store(work.roots, i, root(load(work.p, lo + i) * load(work.x, scales[lo + i])))
-    for i in range(n):  # I - Q_fixed^1/2 W Q_fixed^1/2 = F F^H, one over the diagonal kept
-        for k in range(i + 1):
-            size = load(work.roots, i) * load(work.roots, k)
-            w = pair(W, (lo + i) * widest + k)
-            real, imaginary = size * w[0], size * w[1]
-            more, less = fill(0.0), fill(0.0)
-            for m in range(k):
-                a, other = pair(F, i * n + m), pair(F, k * n + m)
-                real += a[0] * other[0]
-                more += a[1] * other[1]
-                imaginary += a[1] * other[0]
-                less += a[0] * other[1]
-            real, imaginary = real + more, imaginary - less
-            if i == k:
-                pivot = 1.0 - real
-                least = minimum(pivot, least)
-                left *= pivot
-                put(F, i * n + i, (1.0 / root(pick(pivot > 0.0, pivot, fill(1.0))), fill(0.0)))
-            else:
-                over = -load(F, 2 * (k * n + k))
-                put(F, i * n + k, (real * over, imaginary * over))
+    for i in range(n):  # I - Q_fixed^1/2 W Q_fixed^1/2 = F F^H
+        for k in range(i):
+            _fill_factor(lo, i, k, n, widest, work)
+        pivot = 1.0 - _reduced(lo, i, i, n, widest, work)[0]
+        least = minimum(pivot, least)
+        left *= pivot
+        put(F, i * n + i, (1.0 / root(pick(pivot > 0.0, pivot, fill(1.0))), fill(0.0)))
     for k in range(n):  # Z = F^-1 Q_fixed^1/2 W, its transpose
         for i in range(n):
             w = pair(W, (lo + max(i, k)) * widest + min(i, k))
             r = load(work.roots, i)
-            real, imaginary = r * w[0], (r if i >= k else -r) * w[1]
-            more, less = fill(0.0), fill(0.0)
-            for m in range(i):
-                a, other = pair(F, i * n + m), pair(Z, k * n + m)
-                real -= a[0] * other[0]
-                more += a[1] * other[1]
-                imaginary -= a[1] * other[0]
-                less += a[0] * other[1]
-            over = load(F, 2 * (i * n + i))
-            put(Z, k * n + i, ((real + more) * over, (imaginary - less) * over))
+            start = -r * w[0], (-r if i >= k else r) * w[1]
+            v = product_sum(start, Z, k * n, 1, F, i * n, 1, i)
+            put(Z, k * n + i, scaled(v, -load(F, 2 * (i * n + i))))
     for i in range(n):
         for k in range(i + 1):
-            real, imaginary = pair(W, (lo + i) * widest + k)
-            more, less = fill(0.0), fill(0.0)
-            for m in range(n):
-                a, other = pair(Z, i * n + m), pair(Z, k * n + m)
-                real += a[0] * other[0]
-                more += a[1] * other[1]
-                imaginary += a[0] * other[1]
-                less += a[1] * other[0]
-            put(C, i * n + k, (b * (real + more), b * (imaginary - less)))
+            start = pair(W, (lo + i) * widest + k)
+            put(C, i * n + k, scaled(conjugate_sum(start, Z, i * n, 1, Z, k * n, 1, n), b))
     return left, least
+
+
+@inner
+def _reduced(lo, i, k, n, widest, work):
+    """Entry of Q^1/2 W Q^1/2 plus that of L L^H as far as L is known: I - Q^1/2 W Q^1/2 = L L^H."""
+    L = work.factor
+    w = pair(work.W, (lo + i) * widest + k)
+    start = scaled(w, load(work.roots, i) * load(work.roots, k))
+    return conjugate_sum(start, L, k * n, 1, L, i * n, 1, k)
+
+
+@inner
+def _fill_factor(lo, i, k, n, widest, work):
+    """Fill in an entry below the diagonal of L, of which one over the diagonal is kept."""
+    L = work.factor
+    put(L, i * n + k, scaled(_reduced(lo, i, k, n, widest, work), -load(L, 2 * (k * n + k))))
 
 
 @inner
 def _tridiagonal(C, n, lo, work):
     """Householder's tridiagonal form of the Hermitian C (its lower triangle, which is lost)."""
     v, w = work.reflector, work.mirrored
+    zero = fill(0.0), fill(0.0)
     for k in range(n - 1):
         size = fill(0.0)
         for i in range(k + 1, n):
@@ -150,23 +143,9 @@ def _tridiagonal(C, n, lo, work):
         scale = pick(total > TINY, 1.0 / total, fill(0.0))
         along = fill(0.0)
         for i in range(k + 1, n):
-            real, imaginary = fill(0.0), fill(0.0)
-            more, less = fill(0.0), fill(0.0)
-            for m in range(k + 1, i + 1):
-                a, other = pair(C, i * n + m), pair(v, m)
-                real += a[0] * other[0]
-                more += a[1] * other[1]
-                imaginary += a[0] * other[1]
-                less += a[1] * other[0]
-            real, imaginary = real - more, imaginary + less
-            more, less = fill(0.0), fill(0.0)
-            for m in range(i + 1, n):
-                a, other = pair(C, m * n + i), pair(v, m)
-                real += a[0] * other[0]
-                more += a[1] * other[1]
-                imaginary += a[0] * other[1]
-                less += a[1] * other[0]
-            z = scale * (real + more), scale * (imaginary - less)
+            image = product_sum(zero, C, i * n + k + 1, 1, v, k + 1, 1, i - k)
+            image = conjugate_sum(image, C, (i + 1) * n + i, n, v, i + 1, 1, n - 1 - i)
+            z = scaled(image, scale)
             put(w, i, z)
             along += conjugate_times(pair(v, i), z)[0]
         along = -0.5 * scale * along
@@ -253,39 +232,18 @@ def inverted(layout, block, widest, work, level, all_free):
         store(work.roots, i, root(q))
         store(work.share_y, i, moving * over)
         store(work.share_t, i, free * over)
-    for i in range(n):  # M = L L^H, one over the diagonal kept
-        for k in range(i + 1):
-            size = load(work.roots, i) * load(work.roots, k)
-            w = pair(work.W, (lo + i) * widest + k)
-            real, imaginary = size * w[0], size * w[1]
-            more, less = fill(0.0), fill(0.0)
-            for m in range(k):
-                a, other = pair(L, i * n + m), pair(L, k * n + m)
-                real += a[0] * other[0]
-                more += a[1] * other[1]
-                imaginary += a[1] * other[0]
-                less += a[0] * other[1]
-            real, imaginary = real + more, imaginary - less
-            if i == k:
-                pivot = maximum(1.0 - real, fill(LEAST_PIVOT))
-                put(L, i * n + i, (1.0 / root(pivot), fill(0.0)))
-            else:
-                over = -load(L, 2 * (k * n + k))
-                put(L, i * n + k, (real * over, imaginary * over))
+    for i in range(n):  # M = L L^H
+        for k in range(i):
+            _fill_factor(lo, i, k, n, widest, work)
+        pivot = maximum(1.0 - _reduced(lo, i, i, n, widest, work)[0], fill(LEAST_PIVOT))
+        put(L, i * n + i, (1.0 / root(pivot), fill(0.0)))
+    zero = fill(0.0), fill(0.0)
     for k in range(n):
         for i in range(k + 1, n):
-            v = fill(0.0), fill(0.0)
+            v = zero
             for m in range(k, i):
                 v = plus(v, times(pair(L, i * n + m), pair(L, m * n + k)))
             put(L, i * n + k, scaled(v, -load(L, 2 * (i * n + i))))
     for i in range(n):
         for k in range(i + 1):
-            real, imaginary = fill(0.0), fill(0.0)
-            more, less = fill(0.0), fill(0.0)
-            for m in range(i, n):
-                a, other = pair(L, m * n + i), pair(L, m * n + k)
-                real += a[0] * other[0]
-                more += a[1] * other[1]
-                imaginary += a[0] * other[1]
-                less += a[1] * other[0]
-            put(R, i * n + k, (real + more, imaginary - less))
+            put(R, i * n + k, conjugate_sum(zero, L, i * n + i, n, L, i * n + k, n, n - i))

@@ -10,7 +10,7 @@ with (W^-1 - Q)^-1 = Q^-1/2 (M^-1 - I) Q^-1/2: half the products. Its diagonal l
 where a row does not matter to the barrier.
 """
 
-from solver.mu.batch import pair, scaled, square
+from solver.mu.batch import conjugate_sum, pair, product_sum, put, scaled, square
 from solver.mu.kernel import (
     AGREEMENT,
     APART,
@@ -184,6 +184,7 @@ def _derivatives(layout, widest, work, level, all_free):
         for k in range(i + 1):
             store(H, i * size + k, fill(0.0))
     gradient_t, bend_t = fill(0.0), fill(0.0)
+    zero = fill(0.0), fill(0.0)
     for block in range(first.size - 1):
         lo, n = first[block], first[block + 1] - first[block]
         inverted(layout, block, widest, work, level, all_free)
@@ -215,15 +216,7 @@ def _derivatives(layout, widest, work, level, all_free):
         for j in range(n):
             sj = scales[lo + j]
             for k in range(j + 1):
-                real, imaginary = fill(0.0), fill(0.0)
-                more, less = fill(0.0), fill(0.0)
-                for m in range(n):
-                    a, other = pair(A, m * n + k), pair(image, m * n + j)
-                    real += a[0] * other[0]
-                    more += a[1] * other[1]
-                    imaginary += a[0] * other[1]
-                    less += a[1] * other[0]
-                v = real + more, imaginary - less
+                v = conjugate_sum(zero, A, k, n, image, j, n, n)
                 if k == j:
                     store(g, sj, load(g, sj) - v[0])
                     _add(H, size, sj, sj, 0.5 * (v[0] + square(v)))
@@ -237,33 +230,17 @@ def _derivatives(layout, widest, work, level, all_free):
 def _images(scales, lo, n, widest, work):
     """Fill in Q^1/2 A X^-1/2 of one block, as `scaled`, and M^-1 times it, as `image`."""
     R, image, A = work.inverse, work.image, work.scaled
+    zero = fill(0.0), fill(0.0)
     for j in range(n):
         e = root(load(work.x_inverse, scales[lo + j]))
         for i in range(n):
             size = load(work.roots, i) * e
-            a = scaled(pair(work.SG, (lo + i) * widest + j), size)
-            store(A, 2 * (i * n + j), a[0])
-            store(A, 2 * (i * n + j) + 1, a[1])
+            put(A, i * n + j, scaled(pair(work.SG, (lo + i) * widest + j), size))
     for i in range(n):
         for j in range(n):
-            real, imaginary = fill(0.0), fill(0.0)
-            more, less = fill(0.0), fill(0.0)
-            for m in range(i + 1):
-                a, other = pair(R, i * n + m), pair(A, m * n + j)
-                real += a[0] * other[0]
-                more += a[1] * other[1]
-                imaginary += a[0] * other[1]
-                less += a[1] * other[0]
-            real, imaginary = real - more, imaginary + less
-            more, less = fill(0.0), fill(0.0)
-            for m in range(i + 1, n):
-                a, other = pair(R, m * n + i), pair(A, m * n + j)
-                real += a[0] * other[0]
-                more += a[1] * other[1]
-                imaginary += a[0] * other[1]
-                less += a[1] * other[0]
-            store(image, 2 * (i * n + j), real + more)
-            store(image, 2 * (i * n + j) + 1, imaginary - less)
+            v = product_sum(zero, R, i * n, 1, A, j, n, i + 1)
+            v = conjugate_sum(v, R, (i + 1) * n + i, n, A, (i + 1) * n + j, n, n - 1 - i)
+            put(image, i * n + j, v)
 
 
 @inner
