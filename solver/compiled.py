@@ -7,6 +7,10 @@ is not there yet is compiled by each process anew.
 
 Functions and constants of other modules are compiled into it, so it is good as long as none of the
 modules has changed from which it may have any.
+
+A function is compiled once for arguments of the same types, whether or not a caller that is
+compiled too passes constants: numba by itself would compile it, and all that it calls, once more
+for every constant. Machine code that is put into its caller has the constant all the same.
 """
 
 from __future__ import annotations
@@ -19,7 +23,7 @@ import threading
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from numba import config, njit
+from numba import config, njit, types
 from numba.core import caching
 
 if TYPE_CHECKING:
@@ -41,6 +45,14 @@ def compiled(**options: bool | str) -> Callable[[_Function], _Function]:
     def decorate(function: _Function) -> _Function:
         dispatcher = njit(**options)(function)
         dispatcher._cache = _Places(function)  # noqa: SLF001 - numba itself would take one place
+        template = dispatcher.get_call_template
+
+        def of_plain_types(args: tuple[Any, ...], kws: dict[str, Any]) -> object:
+            """Return what a compiled caller calls, as if it passed no constants."""
+            named = {name: types.unliteral(kind) for name, kind in kws.items()}
+            return template(tuple(map(types.unliteral, args)), named)
+
+        dispatcher.get_call_template = of_plain_types
         return dispatcher
 
     return decorate

@@ -88,7 +88,8 @@ def data_objective(
 
     """
     own = DataSet.of(case)
-    omega, n = own.plant.omega, own.plant.n
+    n = own.plant.n
+    omega = own.plant.omega.copy()  # compiled code would be another for what is closed for writing
     sets, alone, service = [own], None, None
     # Of the same plant with loops in manual the sets of loops in service are among these.
     whole = case.scenarios[0] == 0 or n == task.plant.n

@@ -44,6 +44,23 @@ def half(x):
     return x / 2
 """
 
+CONSTANTS = """
+from compiled import compiled
+
+
+@compiled()
+def moved(x, up):
+    return x + 1 if up else x - 1
+
+
+@compiled()
+def both_ways(x):
+    return moved(x, True) * moved(x, up=False)
+
+
+print(both_ways(3.0), len(moved.signatures))
+"""
+
 
 @pytest.fixture
 def folder() -> Iterator[Path]:
@@ -69,14 +86,16 @@ needs_setpriv = pytest.mark.skipif(
 )
 
 
-def run(folder: Path, *, may_write: bool, **environment: str) -> list[str]:
+def run(
+    folder: Path, *, may_write: bool, program: str = "kernel.py", **environment: str
+) -> list[str]:
     """Return what the program prints."""
     if not may_write:
         for place in (folder, folder / "__pycache__"):
             if place.exists():
                 place.chmod(0o555)
     done = subprocess.run(  # noqa: S603 - our own
-        [*([] if may_write else AS_OTHERS), sys.executable, str(folder / "kernel.py")],
+        [*([] if may_write else AS_OTHERS), sys.executable, str(folder / program)],
         capture_output=True,
         text=True,
         env={"PATH": os.environ["PATH"], "PYTHONDONTWRITEBYTECODE": "1", **environment},
@@ -125,3 +144,9 @@ def test_code_into_which_another_module_is_compiled_changes_with_it(folder: Path
     assert [run(folder, may_write=True) for _ in range(2)] == [["6.0 0"], ["6.0 1"]]
     (folder / "halving.py").write_text(HALVING.replace("x / 2", "x / 3"))
     assert [run(folder, may_write=True) for _ in range(2)] == [["4.0 0"], ["4.0 1"]]
+
+
+def test_a_function_is_compiled_once_whatever_constants_its_callers_pass(folder: Path) -> None:
+    """By position and by name."""
+    (folder / "constants.py").write_text(CONSTANTS)
+    assert run(folder, may_write=True, program="constants.py") == ["8.0 1"]

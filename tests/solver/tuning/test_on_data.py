@@ -10,6 +10,7 @@ from typing import Any
 import control
 import numpy as np
 import pytest
+from numba import types
 from typer.testing import CliRunner
 
 import mutune
@@ -21,12 +22,15 @@ from solver.model.measured import MeasuredPlant, NoTransferFunctionsError
 from solver.model.plants import MatrixPlant, Plant, first_order
 from solver.model.transfer_function import TransferFunction
 from solver.model.weights import Performance, Uncertainty
+from solver.mu.scaling import sweep
 from solver.robustness.analysis import analyse
 from solver.robustness.curves import LoopAnalysis
 from solver.robustness.on_data import data_analysis
 from solver.stability.closed_loop import unstable_poles
 from solver.stability.on_data import Undecided, at_rest, unstable_poles_on_data
 from solver.tuning.demands import Demands
+from solver.tuning.judged_loop import judged_loop, judged_loops
+from solver.tuning.loop_levels import loop_levels
 from solver.tuning.record import Status
 from solver.tuning.resolution import Resolution
 from solver.tuning.scenarios import Scenario
@@ -63,6 +67,15 @@ def test_settings_as_found_are_judged_at_the_frequencies_of_the_data() -> None:
     assert not wrong.nominally_stable
     assert wrong.tau_p is None
     assert "unstable" in wrong.reason
+
+
+def test_data_need_no_compiled_code_of_their_own() -> None:
+    """Frequencies that are closed for writing would have all of it compiled once more."""
+    demands = Demands(max_sensitivity_alone=1.5, integrity="robustly_stable")  # type: ignore[arg-type]
+    tuned(sampled_at(SEED, OMEGA[::4]), arrangement="identical", starts=1, demands=demands)
+    for kernel in (judged_loop, judged_loops, loop_levels, sweep):
+        for signature in kernel.signatures:
+            assert all(kind.mutable for kind in signature if isinstance(kind, types.Array))
 
 
 @pytest.mark.parametrize(
