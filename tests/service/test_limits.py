@@ -26,17 +26,13 @@ from solver.model.state_space import StateSpace
 from solver.model.weights import Performance, Uncertainty
 from solver.robustness.centralised import analyse_centralised
 
-REQUEST: dict[str, Any] = {
-    "plant": {"kind": "first_order", "n": 2, "gain": 1, "time_constant": 10, "interaction": 0.5},
-    "uncertainty": {"epsilon": 0.2, "theta": 1},
-    "controller": {"kind": "PI", "arrangement": "identical"},
-    "search": {"time_limit": 900},
-}
+EXAMPLE: dict[str, Any] = LimitRequest.model_json_schema()["examples"][0]
+REQUEST: dict[str, Any] = {**EXAMPLE, "search": {"time_limit": 900}}
 
 
 @pytest.fixture(scope="module")
 def answer() -> dict[str, Any]:
-    """The limit of a small plant, as JSON."""
+    """The limit of a small plant, the example of the documentation, as JSON."""
     return ANALYSIS.compute(LimitRequest.model_validate(REQUEST))
 
 
@@ -86,6 +82,15 @@ def test_values_are_in_order_and_the_verdict_quotes_them(answer: dict[str, Any])
         assert manual == number(each.manual.peak, 3)
     assert rows["any controller"][0] == number(result.value)
     assert rows["none below, proven"][0] == number(result.lower_bound.value)
+
+
+def test_the_example_of_the_documentation_is_printed_and_drawn(answer: dict[str, Any]) -> None:
+    """Its result is JSON without NaN, matches its model, and people can read it."""
+    text = json.dumps(answer, allow_nan=False)
+    assert ANALYSIS.table(LimitResult.model_validate_json(text))
+    assert ANALYSIS.figures is not None
+    drawn = ANALYSIS.figures.drawn.model_validate_json(text)
+    assert ANALYSIS.figures.draw(drawn, "min")["figures"]
 
 
 def test_the_controller_in_the_result_has_the_peak_beside_it(answer: dict[str, Any]) -> None:

@@ -6,8 +6,8 @@ from drawn import Lag, lag, record
 
 from solver.identification.beginning import starts
 from solver.identification.colour import Colour, colour_of
+from solver.identification.findings import fitted_elements
 from solver.identification.fitting import fit as least
-from solver.identification.identify import identify
 from solver.identification.problem import PlantStructure, limits, matrix_rows
 from solver.identification.record import Record
 from solver.identification.row_fit import fit_row
@@ -81,10 +81,10 @@ def test_intervals_hold_under_a_slow_disturbance():
         generator = np.random.default_rng(seed)
         clean = record([[Lag(2, 20, 0, 3)]], generator, noise=0.0)
         y = clean.outputs["y0"] + 0.2 * forgetting(generator, clean.time, 30.0)
-        found = identify(
-            [Record(clean.time, clean.inputs, {"y": y})], allowed=Allowed(1, integrating=False)
-        )
-        estimates = found.elements[0].estimates
+        one = Record(clean.time, clean.inputs, {"y": y})
+        row = matrix_rows([one], starts([one], PlantStructure.MATRIX))[0]
+        fit = fit_row(row, Allowed(1, integrating=False), limits([one]))
+        estimates = fitted_elements(fit, "y", ("u0",))[0].estimates
         hits += sum(
             e.low <= truth <= e.high for e, truth in zip(estimates, (2, 20, 3), strict=True)
         )

@@ -7,7 +7,6 @@ import dataclasses
 import numpy as np
 import pytest
 
-import mutune
 from solver.model.errors import InvalidInputError
 from solver.model.mode_controller import ModeController
 from solver.model.peaks import Peak
@@ -270,17 +269,6 @@ def test_direct_dead_time_is_left_open() -> None:
     assert found.guarantee is not None
     assert found.guarantee.status is GuaranteeStatus.OPEN
     assert "any phase" in (found.guarantee.reason or "")
-
-
-def test_the_realised_limit_is_proven() -> None:
-    """A controller of many states near the limit has a proof of its own."""
-    plant = first_order(2, 1.0, 100.0, 0.949)
-    limit = mutune.multivariable_limit(plant, UNCERTAINTY, Performance())
-    assert limit.realised is not None
-    guarantee = limit.realised.robustness.guarantee
-    assert guarantee is not None
-    assert guarantee.status is GuaranteeStatus.PROVEN
-    assert guarantee.level < 1 + 2e-4
 
 
 def test_units_change_nothing() -> None:
