@@ -41,20 +41,22 @@ from solver.model.errors import InvalidInputError
 from solver.model.measured import MeasuredPlant
 from solver.model.mixed_plant import MixedPlant, shares_inputs
 from solver.model.neighbours import MAX_LINE, Mode, NeighbourPlant, modes, period, sections
-from solver.model.plants import ParallelPlant, Plant, WeightedElement, evaluated
+from solver.model.plants import ParallelPlant, Plant, WeightedElement
+from solver.model.transfer_function import TransferFunction
 from solver.model.weights import Structure
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Hashable, Sequence
+    from collections.abc import Callable, Hashable, Iterator, Sequence
 
     from numpy.typing import ArrayLike, NDArray
 
     from solver.model.controllers import Controller
-    from solver.model.transfer_function import TransferFunction
+    from solver.model.sums import Entry, Sums
     from solver.model.weights import Uncertainty
 
 __all__ = [
     "KNOWN",
+    "ONE",
     "Block",
     "Layout",
     "LoopBlocks",
@@ -68,6 +70,7 @@ __all__ = [
     "with_outputs",
 ]
 
+ONE = TransferFunction((1.0,), (1.0,))
 KNOWN = -1  # controller of a channel where an output, or an input that loops share, errs: it is 1
 
 
@@ -169,49 +172,24 @@ class LoopBlocks:
 
     def response(self, omega: ArrayLike) -> tuple[NDArray[np.complex128], ...]:
         """Plant of each block at `omega` (rad per time unit): (k, m, m) complex each."""
-        return self(1j * np.atleast_1d(np.asarray(omega, dtype=float)))
+        return self(_points(omega))
 
     def __call__(self, s: NDArray[np.complex128]) -> tuple[NDArray[np.complex128], ...]:
         """Plant of each block at the complex points `s` (k,): (k, m, m) complex each."""
-        if self.inputs_shared:
-            return (self._shared(s),)
-        found = self.known(s)
-        return tuple(map(with_outputs, found)) if self.outputs_err else found
+        G, first = self.packed_at(s), self.layout.first
+        return tuple(
+            G[:, start : start + block.size, : block.size]
+            for start, block in zip(first, self.blocks, strict=False)
+        )
 
     def known(self, s: NDArray[np.complex128]) -> tuple[NDArray[np.complex128], ...]:
         """Return the same without what is added where outputs, or shared inputs, err."""
-        if isinstance(self.plant, MixedPlant):
-            return ((self._combined(s) @ self.plant.to_inputs) * self.ratios,)
-        if isinstance(self.plant, MeasuredPlant):
-            return (self.plant.response(s.imag) * self.ratios,)
-        if self.modes:
-            return self._ring(s)
-        if not isinstance(self.plant, ParallelPlant):
-            return (evaluated(self.plant.rows, s) * self.ratios,)
-        process = np.asarray(self.plant.process(s))
-        interaction = np.asarray(self.plant.interaction(s)) if self.plant.n > 1 else 0 * process
-        single = (process - interaction)[:, None, None]
-        mean = interaction[:, None, None] * self._coupling
-        own = np.arange(len(self.parts))
-        mean[:, own, own] += single[:, 0]
-        return (mean, *(single for _ in self.blocks[1:]))
-
-    def _combined(self, s: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        """Return M_y G, from the inputs of a mixed plant, (k, loops, inputs)."""
-        assert isinstance(self.plant, MixedPlant)  # noqa: S101 - for the type checker
-        return np.asarray(self.plant.to_outputs @ evaluated(self.plant.plant.rows, s))
-
-    def _shared(self, s: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        """Return [[0, E^-1 M_y G], [-M_u E, 0]] at the complex points `s` (k,)."""
-        assert isinstance(self.plant, MixedPlant)  # noqa: S101 - for the type checker
-        e = np.array(self.output_scale or (1.0,) * self.plant.n)
-        return with_inputs(self._combined(s) / e[:, None], self.plant.to_inputs * e)
-
-    @cached_property
-    def _coupling(self) -> NDArray[np.float64]:
-        """Of the means of the parts of a parallel plant, in units of its interaction, (m, m)."""
-        sizes = np.sqrt([len(part) for part in self.parts])
-        return np.asarray(sizes[:, None] * sizes * self.ratios)
+        if not self.is_wider:
+            return self(s)
+        if self.outputs_err:
+            return tuple(-G[:, G.shape[1] // 2 :, : G.shape[1] // 2] for G in self(s))
+        (wide,), loops = self(s), self.plant.n
+        return (-wide[:, :loops, loops:] @ wide[:, loops:, :loops],)
 
     @cached_property
     def modes(self) -> tuple[Mode, ...]:
@@ -225,18 +203,6 @@ class LoopBlocks:
         assert isinstance(self.plant, NeighbourPlant)  # noqa: S101 - for the type checker
         every = enumerate(sections(self.plant, len(self.parts)))
         return [(m, part) for m, part in every if not all(e.is_zero for row in part for e in row)]
-
-    def _ring(self, s: NDArray[np.complex128]) -> tuple[NDArray[np.complex128], ...]:
-        there = np.array([evaluated(part, s) for _, part in self._sections]) * self.ratios
-        own = [number for number, _ in self._sections]
-        return tuple(
-            replace(
-                mode,
-                cosines=mode.cosines[own],
-                sines=None if mode.sines is None else mode.sines[own],
-            ).response(there)
-            for mode in self.modes
-        )
 
     def _ring_terms(self, index: int) -> tuple[tuple[tuple[WeightedElement, ...], ...], ...]:
         mode, size = self.modes[index], len(self.parts)
@@ -255,35 +221,47 @@ class LoopBlocks:
         rows = range(self.blocks[index].size)
         return tuple(tuple(entry(row, column) for column in rows) for row in rows)
 
-    def responses(self, uncertainty: Uncertainty, omega: ArrayLike) -> NDArray[np.complex128]:
-        """Return the weight of each row, w_I or w_O, at `omega` (k,) rad per time unit, (k, rows).
+    def weights(self, uncertainty: Uncertainty) -> Sums:
+        """Return the weight of each row, w_I or w_O, as a column.
 
         `uncertainty` is that which the blocks were made for.
         """
+        from solver.model.sums import Entry, sums  # noqa: PLC0415 - the same
+
+        return sums(
+            Entry(row, 0, 1.0, weight)
+            for row, weight in enumerate(self._weights(uncertainty))
+            if weight is not None
+        )
+
+    def _weights(self, uncertainty: Uncertainty) -> list[TransferFunction | None]:
+        """Return the weight of each row; None where nothing errs."""
         if self.inputs_shared:
-            loops = self.plant.n
-            w_I = uncertainty.responses(omega, range(self.blocks[0].size - loops))
-            return np.concatenate([np.zeros((len(w_I), loops)), w_I], axis=1)
-        units = [part[0] for part in self.parts]
-        w_I = uncertainty.responses(omega, units)
-        if self.modes or uncertainty.outputs is not None:  # each part has a scale of its own
-            parts = self.layout.scales % len(units)
-            own = w_I[:, parts]
-            if uncertainty.outputs is None:
-                return own
-            w_O = uncertainty.outputs.responses(omega, units)
-            return np.where(self.layout.channels == KNOWN, w_O[:, parts], own)
-        several = [index for index, part in enumerate(self.parts) if len(part) > 1]
-        return np.concatenate([w_I, w_I[:, several]], axis=1)
+            inputs = range(self.blocks[0].size - self.plant.n)
+            return [None] * self.plant.n + [uncertainty.weight_of(unit) for unit in inputs]
+        units, outputs = [part[0] for part in self.parts], uncertainty.outputs
+        if self.modes or outputs is not None:  # each part has a scale of its own
+            owners = [units[scale % len(units)] for scale in self.layout.scales.tolist()]
+            return [
+                (uncertainty if outputs is None or channel != KNOWN else outputs).weight_of(unit)
+                for channel, unit in zip(self.layout.channels.tolist(), owners, strict=True)
+            ]
+        several = [part[0] for part in self.parts if len(part) > 1]
+        return [uncertainty.weight_of(unit) for unit in units + several]
+
+    def responses(self, uncertainty: Uncertainty, omega: ArrayLike) -> NDArray[np.complex128]:
+        """Return the weight of each row, at `omega` (k,) rad per time unit, (k, rows)."""
+        from solver.model.sums import summed  # noqa: PLC0415 - the same
+
+        rows, weights = self.layout.channels.size, self.weights(uncertainty)
+        return np.asarray(summed(weights, rows, 1, _points(omega))[:, :, 0])
 
     def squared(self, uncertainty: Uncertainty, omega: ArrayLike) -> NDArray[np.float64]:
         """Return the square of the weight of each row's magnitude, (k, rows)."""
-        alike = uncertainty.outputs is None and not uncertainty.unlike_inputs
-        if alike and not self.inputs_shared:
-            points = 1j * np.atleast_1d(np.asarray(omega, dtype=float))
-            size = np.abs(uncertainty.weights[0](points)) ** 2
-            return np.repeat(size[:, None], self.layout.channels.size, axis=1)
-        return np.ascontiguousarray(np.abs(self.responses(uncertainty, omega)) ** 2)
+        from solver.model.sums import squares  # noqa: PLC0415 - the same
+
+        rows, weights = self.layout.channels.size, self.weights(uncertainty)
+        return np.asarray(squares(weights, rows, _points(omega)))
 
     @cached_property
     def ratios(self) -> NDArray[np.float64]:
@@ -335,20 +313,59 @@ class LoopBlocks:
 
     def packed(self, omega: ArrayLike) -> NDArray[np.complex128]:
         """Plants of all blocks below each other, (k, rows, widest block) complex."""
-        return self.packed_at(1j * np.atleast_1d(np.asarray(omega, dtype=float)))
+        return self.packed_at(_points(omega))
 
     def packed_at(self, s: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """Return the same at the complex points `s` (k,)."""
-        responses = self(s)
-        if len(responses) == 1:
-            return np.ascontiguousarray(responses[0])
-        first = self.layout.first
-        widest = max(response.shape[1] for response in responses)
-        G = np.zeros((s.size, first[-1], widest), dtype=complex)
-        for response, row in zip(responses, first, strict=False):
-            m = response.shape[1]
-            G[:, row : row + m, :m] = response
-        return G
+        if isinstance(self.plant, MeasuredPlant):
+            G = self.plant.response(s.imag) * self.ratios
+            return with_outputs(G) if self.outputs_err else np.ascontiguousarray(G)
+        from solver.model.sums import summed  # noqa: PLC0415 - what reads requests compiles nothing
+
+        return np.asarray(summed(self.sums, *self.shape, s))
+
+    @cached_property
+    def shape(self) -> tuple[int, int]:
+        """Rows of all blocks, and columns of the widest one."""
+        return self.layout.channels.size, max(block.size for block in self.blocks)
+
+    @cached_property
+    def sums(self) -> Sums:
+        """What the entries of `packed` are sums of."""
+        from solver.model.sums import sums  # noqa: PLC0415 - the same
+
+        if self.inputs_shared:
+            return sums(self._shared())
+        return sums(
+            entry
+            for index, row in enumerate(self.layout.first[:-1].tolist())
+            for entry in self._entries(index, row)
+        )
+
+    def _entries(self, index: int, first: int) -> Iterator[Entry]:
+        """Yield what the entries of a block, from row `first` on, are sums of."""
+        from solver.model.sums import Entry  # noqa: PLC0415 - the same
+
+        below = self.blocks[index].outputs if self.outputs_err else 0
+        for row in range(below):
+            yield Entry(first + row, below + row, 1.0, ONE)
+        for row, entries in enumerate(self.terms(index)):
+            for column, terms in enumerate(entries):
+                for factor, element in terms:
+                    yield Entry(first + below + row, column, -factor if below else factor, element)
+
+    def _shared(self) -> Iterator[Entry]:
+        """Yield what the entries of [[0, E^-1 M_y G], [-M_u E, 0]] are sums of."""
+        from solver.model.sums import Entry  # noqa: PLC0415 - the same
+
+        plant = self.plant
+        assert isinstance(plant, MixedPlant)  # noqa: S101 - for the type checker
+        for loop, e in enumerate(self.output_scale or (1.0,) * plant.n):
+            for each in range(plant.plant.n):
+                yield Entry(plant.n + each, loop, -plant.inputs[each][loop] * e, ONE)
+                for output in range(plant.plant.n):
+                    factor = plant.outputs[loop][output] / e
+                    yield Entry(loop, plant.n + each, factor, plant.plant.element(output, each))
 
     def renumbered(self, controllers: Sequence[int]) -> LoopBlocks:
         """Return the same, controller j being number `controllers[j]` of a longer list."""
@@ -372,6 +389,11 @@ class LoopBlocks:
             for unit in group:
                 owners[unit] = index
         return owners
+
+
+def _points(omega: ArrayLike) -> NDArray[np.complex128]:
+    """Return the points on the imaginary axis."""
+    return 1j * np.atleast_1d(np.asarray(omega, dtype=float))
 
 
 def reduce(

@@ -157,7 +157,7 @@ class TransferFunction:
     def __call__(self, s: ArrayLike) -> NDArray[np.complex128] | complex:
         """Value at the complex points `s` (any shape)."""
         points = np.asarray(s, dtype=complex)
-        far = np.abs(points) > self._reach
+        far = np.abs(points) > self.reach
         if np.count_nonzero(far):  # there in 1/s, so that no power of s overflows
             inverse: NDArray[np.complex128] = np.reciprocal(np.where(far, points, 1))
             value = np.where(
@@ -172,7 +172,7 @@ class TransferFunction:
         return complex(value) if value.ndim == 0 else value
 
     @cached_property
-    def _reach(self) -> float:
+    def reach(self) -> float:
         """Largest |s| whose powers fit a double with room for the coefficients."""
         return math.pow(10, LARGEST_POWER / max(len(self.den) - 1, 1))
 

@@ -16,6 +16,7 @@ import numpy as np
 from solver.model.blocks import LoopBlocks
 from solver.model.frequencies import corners, grid, low_end, reach, resonances
 from solver.model.peaks import greatest, maxima, slices
+from solver.model.sums import squares
 from solver.mu.kernel import FINE
 from solver.mu.recomputed import NOMINAL, ROBUST, STABILITY, recomputed
 from solver.mu.scaling import sweep
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from solver.model.controllers import Controller
+    from solver.model.sums import Sums
     from solver.model.weights import Performance, Uncertainty
 
 __all__ = ["LoopAnalysis"]
@@ -74,6 +76,10 @@ class LoopAnalysis:
         slow, fast = reach(plant, self.controllers)
         low, high = min(low, BEYOND * slow), max(1e2 * bends.max(), fast / BEYOND)
         return grid(low, high, POINTS_PER_DECADE, [resonances(plant), bends])
+
+    @cached_property
+    def _weights(self) -> Sums:
+        return self.blocks.weights(self.uncertainty)
 
     def scales(self, omega: NDArray[np.float64]) -> NDArray[np.float64]:
         """Optimal D-scales d (k, scales) of robust performance at `omega`."""
@@ -207,7 +213,7 @@ class LoopAnalysis:
         return _KernelData(
             self.blocks.packed(omega),
             self._controllers(omega),
-            self.blocks.squared(self.uncertainty, omega),
+            squares(self._weights, self.blocks.layout.channels.size, 1j * omega),
             self.performance.magnitude(omega) ** 2,
         )
 

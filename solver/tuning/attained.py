@@ -26,7 +26,7 @@ from solver.robustness.axis import proven_peaks
 from solver.robustness.curves import LoopAnalysis
 from solver.stability.closed_loop import is_stable
 from solver.tuning.goals import Goal, MuGoal, TauGoal
-from solver.tuning.objective import FORBIDDEN
+from solver.tuning.judged_loop import FORBIDDEN
 from solver.tuning.record import ROUNDING as MET
 from solver.tuning.specification import Objective, Specification
 
@@ -199,10 +199,9 @@ class _Fixed:
         y = np.zeros((omega.size, blocks.n_scales))
         c = np.stack([each.response(omega) for each in controllers], axis=-1)
         u = blocks.squared(self.specification.uncertainty, omega) / self.goal.target**2
+        b = np.abs(self.goal.weight.response(omega)) ** 2
         every, cold = not self.goal.skewed, True  # named here: positional booleans say nothing
-        found, _, _ = sweep(
-            blocks.packed(omega), c, u, self.goal.weight(omega), blocks.layout, every, FINE, cold, y
-        )
+        found, _, _ = sweep(blocks.packed(omega), c, u, b, blocks.layout, every, FINE, cold, y)
         return np.asarray(np.maximum(found, FORBIDDEN))
 
     def needed(self, omega: NDArray[np.float64]) -> NDArray[np.float64]:

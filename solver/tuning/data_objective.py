@@ -16,6 +16,7 @@ from solver.robustness.sets_on_data import every_set
 from solver.stability.on_data import at_rest, unstable_poles_on_data
 from solver.tuning.alone import LoopsAlone, least_level
 from solver.tuning.demands import IntegrityDemand
+from solver.tuning.loop_samples import Samples
 from solver.tuning.objective import LoopObjective
 from solver.tuning.service_sets import ServiceSets, in_sight
 
@@ -68,6 +69,16 @@ class DataObjective(LoopObjective):
     """Levels at the frequencies of the data; all of `sets` are to be stable."""
 
     sets: tuple[DataSet, ...] = ()
+
+    def _samples(self, omega: NDArray[np.float64]) -> Samples:
+        """Return the samples at frequencies of the data, which are no sums of functions."""
+        return Samples(
+            omega,
+            self.blocks.packed(omega),
+            self.blocks.squared(self.uncertainty, omega) / self.goal.target**2,
+            np.abs(self.goal.weight.response(omega)) ** 2,
+            self.goal.saturation(self.penalty) - np.log(omega),
+        )
 
     def _is_stable(self, theta: NDArray[np.float64], *, winds: bool, rests: bool) -> bool:
         del winds, rests

@@ -16,7 +16,8 @@ from solver.model.blocks import KNOWN
 from solver.model.frequencies import corners, grid, low_end, resonances
 from solver.model.peaks import local_peaks
 from solver.mu.kernel import FINE
-from solver.tuning.objective import BESIDE, Evaluation
+from solver.tuning.judged_loop import BESIDE
+from solver.tuning.objective import Evaluation
 from solver.tuning.phases import EXACT, Phases
 
 if TYPE_CHECKING:

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from solver.model.blocks import ONE
+from solver.model.transfer_function import TransferFunction
 from solver.tuning.goal_levels import Terms, all_attained, all_demands
 
 if TYPE_CHECKING:
@@ -38,9 +40,10 @@ class TauGoal:
         M, A = self.performance.max_peak, self.performance.offset
         return Terms(True, M, A, 2 * math.log(self.target))  # noqa: FBT003 - in the tuple's order
 
-    def weight(self, omega: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Weight of the performance rows before the level scales them, (k,)."""
-        return np.ones_like(omega)
+    @property
+    def weight(self) -> TransferFunction:
+        """Weight of the performance rows before the level scales them."""
+        return ONE
 
     def demand(
         self, s: float, omega: NDArray[np.float64]
@@ -49,13 +52,13 @@ class TauGoal:
         level, slope = all_demands(min(s, LARGEST_S), omega, self.terms)
         return level, slope
 
-    def saturated(self, omega: NDArray[np.float64], penalty: float) -> NDArray[np.float64]:
-        """Values of s, (k,), from which a frequency's demand falls by less than 1/`penalty`.
+    def saturation(self, penalty: float) -> float:
+        """Value of s, plus log omega, from which a frequency's demand falls by < 1/`penalty`.
 
         There, far above the bandwidth, a frequency is a constraint on the controller and no
         measure of tau_P: a trifle in the level would stand for any tau_P at all.
         """
-        return 0.5 * math.log(2 * penalty - 1) - np.log(omega)
+        return 0.5 * math.log(2 * penalty - 1)
 
     def attained(
         self, level: NDArray[np.float64], omega: NDArray[np.float64]
@@ -81,11 +84,12 @@ class MuGoal:
         """As compiled code takes it."""
         return Terms(False, 1.0, 0.0, 0.0)  # noqa: FBT003 - in the tuple's order
 
-    def weight(self, omega: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Weight |w_P|^2 of the performance rows, (k,)."""
+    @property
+    def weight(self) -> TransferFunction:
+        """Weight w_P of the performance rows."""
         if self.performance.tau_p is None:
-            return np.full_like(omega, self.performance.max_peak**-2)
-        return self.performance.magnitude(omega) ** 2
+            return TransferFunction((1 / self.performance.max_peak,), (1.0,))
+        return self.performance.weight
 
     def demand(
         self, s: float, omega: NDArray[np.float64]
@@ -94,9 +98,9 @@ class MuGoal:
         level, slope = all_demands(s, omega, self.terms)
         return level, slope
 
-    def saturated(self, omega: NDArray[np.float64], penalty: float) -> NDArray[np.float64]:  # noqa: ARG002 - as the other goal
-        """Infinite, (k,): every frequency measures mu."""
-        return np.full_like(omega, np.inf)
+    def saturation(self, penalty: float) -> float:  # noqa: ARG002 - as the other goal
+        """Infinite: every frequency measures mu."""
+        return math.inf
 
     def attained(
         self, level: NDArray[np.float64], omega: NDArray[np.float64]

@@ -1,26 +1,35 @@
-"""Compiled: one evaluation of the search in one call, and where followed peaks have gone."""
+"""Compiled: one evaluation of the search in one call, its followed peaks included."""
 
 import math
 
 import numpy as np
 
+from solver.mu.kernel import FINE
 from solver.mu.workspace import TINY, compiled
 from solver.tuning.goal_levels import all_demands, judged
 from solver.tuning.loop_levels import ends_at_rest, loop_levels, winds_as_stable
+from solver.tuning.loop_samples import joined, samples
 
-__all__ = ["judged_loop", "judged_loops", "vertices"]
+__all__ = ["BESIDE", "FORBIDDEN", "judged_loop", "judged_loops", "judged_with_peaks"]
+
+FORBIDDEN = -50.0  # stands for a level of minus infinity where a curve is refined
+BESIDE = 0.1  # log omega within which a peak is followed
+FAR = BESIDE * np.array([-1, -0.3, 0, 0.3, 1])  # where it is looked for at first,
+NEAR = BESIDE * np.array([-0.03, 0, 0.03])  # and then
 
 
 @compiled
-def judged_loop(theta, signs, lead, omega, G, u, b, saturated, layout, terms, fixed, nu, cold, y):
+def judged_loop(theta, signs, lead, here, layout, terms, fixed, nu, cold, y):
     """Levels, gradients and demands of all frequencies, and whether the loop seems stable.
 
     Parameters
     ----------
-    theta, signs, lead, omega, G, u, b, layout, nu, cold, y
+    theta, signs, lead, layout, nu, cold, y
         As for `loop_levels`.
-    saturated, terms
-        As for `judged`.
+    here : Samples
+        The frequencies.
+    terms : Terms
+        The goal.
     fixed : int
         How many of the frequencies are those of the grid, which come first and tell stability.
 
@@ -35,23 +44,65 @@ def judged_loop(theta, signs, lead, omega, G, u, b, saturated, layout, terms, fi
 
     """
     level, gradient, det = loop_levels(
-        theta, signs, lead, omega, G, u, b, layout, not terms.skewed, nu, cold, y
-    )
-    value, s, demand, slope, missing = judged(level, omega, saturated, terms)
+        theta, signs, lead, here.omega, here.G, here.u, here.b, layout, not terms.skewed, nu, cold,
+        y,
+    )  # fmt: skip
+    value, s, demand, slope, missing = judged(level, here.omega, here.saturated, terms)
     det = det[:fixed]
-    winds = winds_as_stable(det, omega[:fixed])
+    winds = winds_as_stable(det, here.omega[:fixed])
     return level, gradient, demand, slope, value, s, missing, winds, ends_at_rest(det)
 
 
 @compiled
-def judged_loops(thetas, signs, lead, omega, G, u, b, saturated, layout, terms, nu, scales):
+def judged_with_peaks(
+    theta, signs, lead, grid, sources, layout, terms, nu, cold, y, peaks, s, follows
+):
+    """Judge a loop on a grid and at its followed peaks.
+
+    Parameters
+    ----------
+    theta, signs, lead, layout, terms, nu, cold, y
+        As for `judged_loop`; the rows of `y` that belong to the peaks are the last ones.
+    grid : Samples
+        Of the fixed frequencies.
+    sources : Sources
+        Where those of the peaks come from.
+    peaks : (p,)
+        Where a neighbour saw them, rad per time unit.
+    s : float
+        The neighbour's value, whose demand they exceed most.
+    follows : bool
+        Whether the peaks have moved since; else they stay.
+
+    Returns
+    -------
+    peaks : (p,)
+        Where they are.
+    judged : tuple
+        As of `judged_loop`.
+
+    """
+    if follows:
+        log_peaks, scales = np.log(peaks), y[y.shape[0] - peaks.size :]
+        log_peaks = _vertices(theta, signs, lead, sources, layout, terms, s, log_peaks, FAR, scales)
+        log_peaks = _vertices(
+            theta, signs, lead, sources, layout, terms, s, log_peaks, NEAR, scales
+        )
+        peaks = np.exp(log_peaks)
+    here = joined(grid, samples(sources, peaks))
+    fixed = grid.omega.size
+    return peaks, judged_loop(theta, signs, lead, here, layout, terms, fixed, nu, cold, y)
+
+
+@compiled
+def judged_loops(thetas, signs, lead, here, layout, terms, nu, scales):
     """Judge several settings at the same frequencies, each from scales of its own.
 
     Parameters
     ----------
     thetas : (t, m)
         The settings.
-    signs, lead, omega, G, u, b, saturated, layout, terms, nu
+    signs, lead, here, layout, terms, nu
         As for `judged_loop`.
     scales : int
         Number of scales.
@@ -62,39 +113,21 @@ def judged_loops(thetas, signs, lead, omega, G, u, b, saturated, layout, terms, 
         Of each settings, as of `judged_loop`.
 
     """
-    settings, cold = thetas.shape[0], True
-    level, gradient = (
-        np.empty((settings, omega.size)),
-        np.empty((settings, omega.size, thetas.shape[1])),
-    )
+    settings, count, cold = thetas.shape[0], here.omega.size, True
+    level, gradient = np.empty((settings, count)), np.empty((settings, count, thetas.shape[1]))
     value = np.empty(settings)
     winds, rests = np.empty(settings, np.bool_), np.empty(settings, np.bool_)
     for i in range(settings):
-        y = np.zeros((omega.size, scales))
+        y = np.zeros((count, scales))
         own, slopes, _, _, least, _, _, turns, ends = judged_loop(
-            thetas[i],
-            signs,
-            lead,
-            omega,
-            G,
-            u,
-            b,
-            saturated,
-            layout,
-            terms,
-            omega.size,
-            nu,
-            cold,
-            y,
+            thetas[i], signs, lead, here, layout, terms, count, nu, cold, y
         )
         level[i], gradient[i], value[i], winds[i], rests[i] = own, slopes, least, turns, ends
     return level, gradient, value, winds, rests
 
 
 @compiled
-def vertices(
-    theta, signs, lead, omega, G, u, b, layout, terms, nu, s, log_peaks, around, scales, least
-):
+def _vertices(theta, signs, lead, sources, layout, terms, s, log_peaks, around, scales):
     """Return the peaks (p,) of the demand's excess, each at the vertex of a parabola.
 
     It goes through the highest of the points around and its neighbours: another peak may be as
@@ -102,26 +135,28 @@ def vertices(
 
     Parameters
     ----------
-    theta, signs, lead, G, u, b, layout, nu
+    theta, signs, lead, layout
         As for `loop_levels`.
-    omega : (a p,)
-        The frequencies exp(`log_peaks` + `around`), all peaks beside each other first.
+    sources : Sources
+        Where the samples come from.
     terms, s : Terms, float
         The goal, and the value whose demand it is.
     log_peaks, around : (p,), (a,)
         Where the peaks are, and the distances at which to look.
     scales : (p, scales)
         Log of the squared scales at the peaks.
-    least : float
-        Stands for a level of minus infinity.
 
     """
     peaks, points = log_peaks.size, around.size
+    omega = np.empty(points * peaks)  # all peaks beside each other first
+    for k in range(omega.size):
+        omega[k] = math.exp(log_peaks[k % peaks] + around[k // peaks])
+    here = samples(sources, omega)
     y, cold = np.empty((omega.size, scales.shape[1])), False
     for k in range(omega.size):
         y[k] = scales[k % peaks]
     level, _, _ = loop_levels(
-        theta, signs, lead, omega, G, u, b, layout, not terms.skewed, nu, cold, y
+        theta, signs, lead, omega, here.G, here.u, here.b, layout, not terms.skewed, FINE, cold, y
     )
     demand, _ = all_demands(s, omega, terms)
     found = np.empty(peaks)
@@ -129,12 +164,12 @@ def vertices(
         top, highest = 0, -math.inf
         for i in range(points):
             k = i * peaks + p
-            level[k] = max(level[k], least)
+            level[k] = max(level[k], FORBIDDEN)
             if demand[k] - level[k] > highest:
                 top, highest = i, demand[k] - level[k]
         top = min(max(top, 1), points - 2)
         k = top * peaks + p
-        left, here, right = (
+        left, top_value, right = (
             demand[k - peaks] - level[k - peaks],
             demand[k] - level[k],
             demand[k + peaks] - level[k + peaks],
@@ -144,8 +179,8 @@ def vertices(
             log_peaks[p] + around[top],
             log_peaks[p] + around[top + 1],
         )
-        rise, fall = (here - left) / (middle - low), (here - right) / (high - middle)
+        rise, fall = (top_value - left) / (middle - low), (top_value - right) / (high - middle)
         share = rise / max(rise + fall, TINY)
-        vertex = 0.5 * (low + middle) + 0.5 * (high - low) * share
-        found[p] = min(max(vertex, low), high)
+        place = 0.5 * (low + middle) + 0.5 * (high - low) * share
+        found[p] = min(max(place, low), high)
     return found

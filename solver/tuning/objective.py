@@ -20,9 +20,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.model.controllers import Controller
+from solver.model.sums import Entry, sums
 from solver.mu.kernel import FINE
-from solver.tuning.judged_loop import judged_loop, judged_loops, vertices
+from solver.tuning.judged_loop import FORBIDDEN, judged_loop, judged_loops, judged_with_peaks
 from solver.tuning.loop_levels import loop_levels
+from solver.tuning.loop_samples import Sources, samples
 from solver.tuning.specification import ControllerKind
 
 if TYPE_CHECKING:
@@ -32,14 +34,12 @@ if TYPE_CHECKING:
     from solver.model.weights import Uncertainty
     from solver.tuning.alone import LoopsAlone
     from solver.tuning.goals import Goal
+    from solver.tuning.loop_samples import Samples
     from solver.tuning.service_sets import ServiceSets
 
 MISSED = 1e-5  # of log |1 + g c|^2: far less than the margin that the demand keeps
-FORBIDDEN = -50.0  # stands for a level of minus infinity where a curve is refined
-BESIDE = 0.1  # log omega within which a peak is followed
-AROUND = (BESIDE * np.array([-1, -0.3, 0, 0.3, 1]), BESIDE * np.array([-0.03, 0, 0.03]))
 
-__all__ = ["BESIDE", "PENALTY", "Evaluation", "Levels", "LoopObjective"]
+__all__ = ["PENALTY", "Evaluation", "Levels", "LoopObjective"]
 
 PENALTY = 30.0  # price in s of a missing level; more than its multiplier as a rule
 
@@ -96,25 +96,6 @@ class Levels:
     value: float
     level: NDArray[np.float64]
     gradient: NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class _Samples:
-    """What does not depend on the settings: plant, |w_I|^2 of each row, the rest per frequency."""
-
-    omega: NDArray[np.float64]
-    G: NDArray[np.complex128]
-    u: NDArray[np.float64]
-    b: NDArray[np.float64]
-    saturated: NDArray[np.float64]
-
-    def __add__(self, other: _Samples) -> _Samples:
-        return _Samples(
-            *(
-                np.concatenate([getattr(self, name), getattr(other, name)])
-                for name in ("omega", "G", "u", "b", "saturated")
-            )
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,17 +159,24 @@ class LoopObjective:
         return any(element.feedthrough for element in self.blocks.plant.elements)
 
     @cached_property
-    def _grid(self) -> _Samples:
+    def _grid(self) -> Samples:
         return self._samples(self.omega)
 
-    def _samples(self, omega: NDArray[np.float64]) -> _Samples:
-        return _Samples(
-            omega,
-            self.blocks.packed(omega),
-            self.blocks.squared(self.uncertainty, omega) / self.goal.target**2,
-            self.goal.weight(omega),
-            self.goal.saturated(omega, self.penalty),
+    @cached_property
+    def _sources(self) -> Sources:
+        """Where what does not depend on the settings comes from."""
+        return Sources(
+            self.blocks.sums,
+            self.blocks.weights(self.uncertainty),
+            sums([Entry(0, 0, 1.0, self.goal.weight)]),
+            *self.blocks.shape,
+            self.goal.target,
+            self.goal.saturation(self.penalty),
         )
+
+    def _samples(self, omega: NDArray[np.float64]) -> Samples:
+        found: Samples = samples(self._sources, omega)
+        return found
 
     def controllers(self, theta: NDArray[np.float64]) -> tuple[Controller, ...]:
         """Return the controllers that `theta` stands for."""
@@ -216,18 +204,21 @@ class LoopObjective:
             A neighbouring evaluation of this objective, whose scales and peaks are the start.
 
         """
-        samples, peaks = self._grid, self.followed
+        grid, peaks, cold = self._grid, self.followed, near is None
+        count = grid.omega.size + peaks.size
+        y = np.zeros((count, self.blocks.n_scales)) if near is None else near.y.copy()
         if peaks.size:
-            if near is not None:
-                peaks = self._followed(theta, near)
-            samples = samples + self._samples(peaks)
-        cold = near is None
-        y = np.zeros((samples.omega.size, self.blocks.n_scales)) if near is None else near.y.copy()
-        level, gradient, demand, slope, value, s, missing, winds, rests = judged_loop(
-            theta, self.signs, self._lead, samples.omega, samples.G, samples.u, samples.b,
-            samples.saturated, self.blocks.layout, self.goal.terms, self.omega.size, self.nu,
-            cold, y,
-        )  # fmt: skip
+            peaks, found = judged_with_peaks(
+                theta, self.signs, self._lead, grid, self._sources, self.blocks.layout,
+                self.goal.terms, self.nu, cold, y, peaks if near is None else near.peaks,
+                math.inf if near is None else near.s, near is not None,
+            )  # fmt: skip
+        else:
+            found = judged_loop(
+                theta, self.signs, self._lead, grid, self.blocks.layout, self.goal.terms, count,
+                self.nu, cold, y,
+            )  # fmt: skip
+        level, gradient, demand, slope, value, s, missing, winds, rests = found
         stable = self._is_stable(theta, winds=winds, rests=rests)
         limits: tuple[LoopsAlone | ServiceSets | None, ...] = (self.alone, self.service)
         for beside in limits:
@@ -256,10 +247,9 @@ class LoopObjective:
 
         Of the loops together: nothing of loops alone or of sets of loops in service.
         """
-        samples = self._grid
         level, gradient, values, winds, rests = judged_loops(
-            thetas, self.signs, self._lead, samples.omega, samples.G, samples.u, samples.b,
-            samples.saturated, self.blocks.layout, self.goal.terms, self.nu, self.blocks.n_scales,
+            thetas, self.signs, self._lead, self._grid, self.blocks.layout, self.goal.terms,
+            self.nu, self.blocks.n_scales,
         )  # fmt: skip
         found = []
         for i, theta in enumerate(thetas):
@@ -285,22 +275,9 @@ class LoopObjective:
         `FORBIDDEN` where there is none. Says nothing about stability.
         """
         y, cold = np.zeros((omega.size, self.blocks.n_scales)), True
-        samples = self._samples(omega)
+        here = self._samples(omega)
         level = loop_levels(
-            theta, self.signs, self._lead, omega, samples.G, samples.u, samples.b,
+            theta, self.signs, self._lead, omega, here.G, here.u, here.b,
             self.blocks.layout, not self.goal.skewed, FINE, cold, y,
         )[0]  # fmt: skip
         return np.asarray(np.maximum(level, FORBIDDEN))
-
-    def _followed(self, theta: NDArray[np.float64], near: Evaluation) -> NDArray[np.float64]:
-        """Return the peaks at `theta`, from where a neighbour saw them."""
-        log_peaks = np.log(near.peaks)
-        scales = near.y[-near.peaks.size :]
-        for around in AROUND:
-            samples = self._samples(np.exp((log_peaks + around[:, None]).ravel()))
-            log_peaks = vertices(
-                theta, self.signs, self._lead, samples.omega, samples.G, samples.u, samples.b,
-                self.blocks.layout, self.goal.terms, FINE, near.s, log_peaks, around, scales,
-                FORBIDDEN,
-            )  # fmt: skip
-        return np.asarray(np.exp(log_peaks))

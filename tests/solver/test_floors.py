@@ -13,9 +13,9 @@ ROOT = Path(solver.__file__).parent
 
 # From the ground up: a wing imports from itself and from those before it.
 FLOORS = (
+    "compiled",
     "model",
     "hand_over",
-    "compiled",
     "mu",
     "stability",
     "certificate",
