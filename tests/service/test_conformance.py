@@ -71,7 +71,11 @@ def address(_fake_tuner: None, tmp_path_factory: pytest.TempPathFactory) -> Iter
     entry = {"id": KEY, "name": "", "scopes": ["read", "write"], "digest": digest, "created_at": 0}
     (folder / "keys").write_text(json.dumps(entry))
     configuration = Configuration(
-        data_dir=folder, workers=1, api_keys_file=folder / "keys", requests_per_minute=1_000_000
+        data_dir=folder,
+        workers=1,
+        api_keys_file=folder / "keys",
+        requests_per_minute=1_000_000,
+        analysis_time_limit=12,  # a drawn request that takes longer is refused all the same
     )
     with served(create_app(configuration)) as client:
         yield str(client.base_url)
