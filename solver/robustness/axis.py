@@ -34,6 +34,7 @@ from solver.robustness.march import march
 from solver.robustness.record import Curves, Guarantee, GuaranteeStatus, Peaks
 from solver.robustness.tables import Scratch, Tables, scratch, tables
 from solver.robustness.worst_phase import any_phase, bound_beyond, far_phases, phases_beside
+from solver.stability.closed_loop import unstable_poles
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -193,16 +194,23 @@ def kept(
     performance: Performance,
     loops: Sequence[Controller],
     level: float,
-) -> tuple[bool, bool]:
-    """Whether mu of robust stability, and of robust performance, stays at or below a level.
+) -> tuple[bool, bool, bool]:
+    """Whether loops are stable, and mu of robust stability and performance at or below a level.
 
     Parameters, errors: as for `proven_peaks`. Where that needs no peak, none is sought: a sample
     above the level is enough to deny it, a proof far above all samples to affirm it.
     """
     blocks, controllers = group_loops(plant, loops, uncertainty, performance.output_scale)
     analysis = LoopAnalysis(blocks, controllers, uncertainty, performance)
-    require_bounded(analysis, loops)
     compiled = _compiled(plant, uncertainty, performance, loops)
+    unstable = None
+    if compiled is not None and not blocks.is_wider:
+        unstable = _count(*compiled.loop, analysis)
+    if unstable is None:
+        unstable = unstable_poles(plant, loops)
+    if unstable:
+        return False, False, False
+    require_bounded(analysis, loops)
     omega = analysis.omega
     verdicts = []
     for curve in (ROBUST, STABILITY):
@@ -218,7 +226,7 @@ def kept(
             verdicts.append(False)
         if verdicts[-1]:  # what keeps robust performance keeps robust stability
             break
-    return verdicts[-1], verdicts[0]
+    return True, verdicts[-1], verdicts[0]
 
 
 def require_bounded(analysis: LoopAnalysis, loops: Sequence[Controller]) -> None:

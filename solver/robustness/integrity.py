@@ -319,24 +319,17 @@ def in_one_line(
         top, _ = whole
         kept_by_all = _kept(top.robust_stability), _kept(top.robust_performance)
         rows, kinds = [(1, True, *kept_by_all)], kinds[1:]
-    controllers = tuple(loops[group[0]] for group in groups)
-    stable_ones = []
-    if kinds:
-        sets = Subsets(plant, controllers, np.array(kinds, dtype=float))
-        stable_ones = (sets.unstable_poles() == 0).tolist()
-    for kind, stable in zip(kinds, stable_ones, strict=True):
-        robust = performing = False
+    for kind in kinds:
         units = _units(groups, kind)
-        if stable:
-            part, remaining = subsystem(plant, loops, units)
-            robust, performing = kept(
-                part,
-                plant.errors_of(uncertainty, units),
-                performance.of_units(units),
-                remaining,
-                1 + TOLERANCE,
-            )
-        rows.append((_count(groups, kind), stable, robust, performing))
+        part, remaining = subsystem(plant, loops, units)
+        held = kept(
+            part,
+            plant.errors_of(uncertainty, units),
+            performance.of_units(units),
+            remaining,
+            1 + TOLERANCE,
+        )
+        rows.append((_count(groups, kind), *held))
     return _line(rows)
 
 

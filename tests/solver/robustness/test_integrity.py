@@ -306,6 +306,34 @@ def test_one_line_for_a_tuning() -> None:
     )
 
 
+NEEDED = MatrixPlant(
+    [
+        [TransferFunction([-1], [1, 1]), TransferFunction([3], [1, 1])],
+        [TransferFunction([3], [1, 1]), TransferFunction([1], [1, 1])],
+    ]
+)
+
+
+@pytest.mark.parametrize(
+    ("plant", "loops"),
+    [
+        (NEEDED, (Controller(0.02, 1), Controller(1, 1))),
+        (first_order(2, 1, 100, 0.949, 10), (FAST, SLOW)),
+        (first_order(3, 1, 100, -0.5), tuple(Controller(5 + unit, 90) for unit in range(3))),
+        (first_order(2, 1, 0, 0.3, 1), (Controller(2, None), Controller(0.1, 5))),
+    ],
+)
+def test_one_line_tells_of_unstable_sets(plant, loops) -> None:
+    """Counted by proof set by set, as the analysis counts them side by side on a grid.
+
+    An unstable loop without integral action is not refused for the offset that it would leave.
+    """
+    performance = Performance(tau_p=100.0)
+    unstable = integrity(plant, DIAGONAL, performance, loops)
+    assert not all(each.nominally_stable for each in unstable.classes)
+    assert in_one_line(plant, DIAGONAL, performance, loops) == unstable.summary
+
+
 def test_summary_of_large_numbers() -> None:
     """Shares near all and near none are not rounded to them."""
     good, bad = Peak(0.5, 1.0), Peak(2.0, 1.0)
