@@ -8,10 +8,11 @@ At the present point the levels are linearised in the parameters, the demands in
 
 is solved by a dual active-set method. A level is the least of those of several blocks, so it may
 bend sharply: the planes of recently rejected points stand beside the present ones, as in a bundle
-method. A step counts only if the exact merit falls by a tenth of what the model promises, so
-every iterate is stable. B follows the
-curvature of the Lagrangian by damped BFGS updates (Powell 1978). The method ends at a point from
-which no descent of first order exists, a local optimum; it knows nothing of other ones.
+method, and those of the present point with two like controllers in each other's place. A step
+counts only if the exact merit falls by a tenth of what the model promises, so every iterate is
+stable. B follows the curvature of the Lagrangian by damped BFGS updates (Powell 1978). The method
+ends at a point from which no descent of first order exists, a local optimum; it knows nothing of
+other ones.
 """
 
 from __future__ import annotations
@@ -23,14 +24,20 @@ from typing import TYPE_CHECKING
 import daqp
 import numpy as np
 
-from solver.tuning.program import NEAR_ACTIVE, program, room_planes, updated
+from solver.tuning.program import (
+    NEAR_ACTIVE,
+    mirrored_planes,
+    program,
+    room_planes,
+    updated,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
-    from solver.tuning.objective import Evaluation, LoopObjective
+    from solver.tuning.objective import Evaluation
     from solver.tuning.together import Together
 
 __all__ = ["Box", "minimise"]
@@ -77,7 +84,7 @@ class Box:
 
 
 def minimise(
-    objective: LoopObjective | Together,
+    objective: Together,
     start: Evaluation,
     box: Box,
     *,
@@ -90,7 +97,7 @@ def minimise(
 
     Parameters
     ----------
-    objective : LoopObjective or Together
+    objective : Together
         The levels and their gradients.
     start : Evaluation
         A point with a finite merit.
@@ -162,7 +169,7 @@ class _Step:
 class _Model:
     """The linearised problem; the bundle's planes stand beside those of the present point."""
 
-    objective: LoopObjective | Together
+    objective: Together
     box: Box
     B: NDArray[np.float64]
     radius: float
@@ -179,9 +186,21 @@ class _Model:
         if trial is not None:
             base = self._room(trial, here) - here.gradient @ (trial.theta - here.theta)
         below = 0 if self.box.limits is None else self.box.limits.size
-        A = np.empty(((1 + len(self.bundle)) * room.size + below, size + 2))
+        alike = self.objective.alike
+        A = np.empty(((1 + len(alike) + len(self.bundle)) * room.size + below, size + 2))
         limits = np.empty(len(A))
         first = filled = room_planes(here.gradient, room, room, base, slope, A, limits, 0)
+        filled = mirrored_planes(
+            here.gradient,
+            room,
+            slope,
+            here.theta,
+            self.objective.per_controller,
+            alike,
+            A,
+            limits,
+            filled,
+        )
         for other in self.bundle:
             # Where the level is a minimum of smooth pieces, this is the piece on the other side. It
             # must not cut off the present point, as the tangent of a convex level would.
@@ -218,7 +237,7 @@ class _Model:
 
 
 def _seen_anew(
-    objective: LoopObjective | Together, here: Evaluation, there: Evaluation, tolerance: float
+    objective: Together, here: Evaluation, there: Evaluation, tolerance: float
 ) -> Evaluation:
     """Return `here` with its followed peaks sought from a point beside it, if they are higher so.
 

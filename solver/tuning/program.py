@@ -4,11 +4,13 @@ import numpy as np
 
 from solver.mu.workspace import compiled
 
-__all__ = ["NEAR_ACTIVE", "program", "room_planes", "updated"]
+__all__ = ["NEAR_ACTIVE", "mirrored_planes", "program", "room_planes", "updated"]
 
 CURVATURE_OF_S = 1e-2  # makes the program strictly convex; of no effect as ds goes to 0
 LEAST_CURVATURE = 1e-3  # keeps B regular; the radius, not this, limits the step
 NEAR_ACTIVE = 4.0  # frequencies with more room than this cannot become active in one step
+BESIDE_THE_BEND = 0.1  # frequencies with more room have no mirrored planes,
+NEARLY_EQUAL = 1.0  # nor have settings that differ by more in a logarithm
 FARTHEST_S = 3.0  # change of s in one step
 MOST_MISSED = 1e3
 NEVER = -1e30
@@ -48,6 +50,57 @@ def room_planes(gradient, room, other, base, slope, A, limits, filled):
             A[filled, size] = slope[k]
             A[filled, size + 1] = -1.0
             limits[filled] = base[k]
+            filled += 1
+    return filled
+
+
+@compiled
+def mirrored_planes(gradient, room, slope, theta, per, pairs, A, limits, filled):
+    """Write the planes that the present point has with two controllers in each other's place.
+
+    Levels are what they were there, and their slopes have changed places too. Where the settings of
+    the two are equal the levels bend, and these are the planes on the other side.
+
+    Parameters
+    ----------
+    gradient, room, slope : (k, m), (k,), (k,)
+        Of the present point, as for `room_planes`.
+    theta, per : (m,), int
+        The present point, and how many of its parameters a controller has.
+    pairs : (p, 2)
+        Controllers that may change places.
+    A, limits, filled
+        As for `room_planes`.
+
+    Returns
+    -------
+    int
+        How many rows are written now.
+
+    """
+    size = gradient.shape[1]
+    for pair in range(pairs.shape[0]):
+        i, j = pairs[pair, 0] * per, pairs[pair, 1] * per
+        apart = 0.0
+        for m in range(per):
+            apart = max(apart, abs(theta[i + m] - theta[j + m]))
+        if apart > NEARLY_EQUAL:
+            continue
+        for k in range(room.size):
+            if room[k] > BESIDE_THE_BEND:
+                continue
+            limit = room[k]
+            for m in range(per):
+                limit += (gradient[k, j + m] - gradient[k, i + m]) * (theta[i + m] - theta[j + m])
+            if limit < room[k]:  # no bend between them: the plane would cut off the present point
+                continue
+            for m in range(size):
+                A[filled, m] = -gradient[k, m]
+            for m in range(per):
+                A[filled, i + m], A[filled, j + m] = -gradient[k, j + m], -gradient[k, i + m]
+            A[filled, size] = slope[k]
+            A[filled, size + 1] = -1.0
+            limits[filled] = limit
             filled += 1
     return filled
 

@@ -152,7 +152,7 @@ class GroupingSearch:
             self.goal = TauGoal(performance)
         else:
             self.goal = MuGoal(performance)
-        self.objective = Together(tuple(self._part(self.cases[index]) for index in self.active))
+        self.objective = self._together(tuple(self._part(self.cases[i]) for i in self.active))
         self.blocks = self.objective.parts[0].blocks
         slow = Performance(performance.max_peak, performance.offset)
         feasibility = self.objective.having(goal=MuGoal(slow))
@@ -190,6 +190,14 @@ class GroupingSearch:
             alone=alone,
             service=service,
         )
+
+    def _together(self, parts: tuple[LoopObjective, ...]) -> Together:
+        """Return the levels of all parts; controllers change places where no level tells them."""
+        one_by_one = any(part.alone is not None or part.service is not None for part in parts)
+        pairs = [pair for places in self._alike for pair in combinations(places, 2)]
+        if one_by_one or not pairs:
+            return Together(parts)
+        return Together(parts, np.array(pairs))
 
     def worst_of_spread(self, candidate: Candidate) -> tuple[Case, SpreadOutcome, float] | None:
         """Return the worst plant found in the boxes of the cases in sight, and its exact s.
@@ -388,9 +396,9 @@ class GroupingSearch:
         if "derivative_time" not in self.specification.kind.parameters:
             return
         for best in [optimum.theta for optimum in self.optima[:SWAPPED]]:
-            rows = [[j] for j in range(len(self.groups))]
-            if len(rows) > 1:
-                rows.append(list(range(len(rows))))
+            rows = [[place] for place in self._unlike(best)]
+            if len(self.groups) > 1:
+                rows.append(list(range(len(self.groups))))
             for chosen in rows:
                 theta = best.reshape(-1, per).copy()
                 theta[chosen, 0] += theta[chosen, 2] - theta[chosen, 1]
@@ -421,14 +429,24 @@ class GroupingSearch:
         """
         if len(self.groups) == 1:
             return
-        times = np.flatnonzero(np.arange(self.box.low.size) % self.objective.per_controller)
-        moves = [step * np.eye(self.box.low.size)[i] for i in times for step in (-HOP, HOP)]
-        left = list(moves)
-        while left and self.optima:
+        left = self._hops()
+        while left:
             best = self.optima[0]
             self.descend(self.box.clip(best.theta + left.pop()), count=0)
             if self.optima[0].value < best.value - ROUGH:
-                left = list(moves)
+                left = self._hops()
+
+    def _hops(self) -> list[NDArray[np.float64]]:
+        """Return steps along each time of the best optimum, in both directions."""
+        if not self.optima:
+            return []
+        per, steps = self.objective.per_controller, np.eye(self.box.low.size)
+        return [
+            sign * HOP * steps[place * per + time]
+            for place in self._unlike(self.optima[0].theta)
+            for time in range(1, per)
+            for sign in (-1, 1)
+        ]
 
     def refine(self) -> bool:
         """Put the peaks of the best optimum into the grid where it saw too little of them.
@@ -450,7 +468,11 @@ class GroupingSearch:
                 break
             for index, peaks in enumerate(exact.peaks):
                 self.look_at(peaks, index)
-            refined = [self._again(optimum) for optimum in self.optima]
+            # On more frequencies values only rise: what is above stays above.
+            refined = [
+                self._again(optimum) if optimum.value < exact.value else optimum
+                for optimum in self.optima
+            ]
             self.optima = []
             for optimum in refined:
                 if math.isfinite(optimum.value):
@@ -522,21 +544,22 @@ class GroupingSearch:
         return replace(self.exact, phases=phases)
 
     def _having(self, parts: tuple[LoopObjective, ...]) -> None:
-        self.objective = Together(parts)
+        self.objective = self._together(parts)
         feasibility = self.objective.having(goal=self.phases.feasibility.goal)
         self.phases = replace(self.phases, feasibility=feasibility, box=self.box)
         self.exact = replace(self.exact, objective=self.objective, phases=self.phases)
 
-    def polish(self) -> list[Candidate]:
+    def polish(self, beaten: float) -> list[Candidate]:
         """Replace the best optima of the grid by exact ones, and return those.
 
-        The grid sees less than the whole axis, so an optimum whose value on it is already above an
-        exact one stays as it is. The others are sought again on a grid that has the exact one's
-        peaks: as a rule they are no other optima then.
+        Of those that do not come below the value `beaten` no more than this is found out. The grid
+        sees less than the whole axis, so an optimum whose value on it is already above an exact one
+        stays as it is. The others are sought again on a grid that has the exact one's peaks: as a
+        rule they are no other optima then.
         """
         left, self.optima = self.optima, []
         found: list[Candidate] = []
-        best = math.inf
+        best = beaten
         try:
             for _ in range(POLISHED):
                 if not left or left[0].value > best - ROUGH:
@@ -613,6 +636,20 @@ class GroupingSearch:
         for place, group in enumerate(self.groups):
             kinds.setdefault((len(group), self.freedom.signs[place]), []).append(place)
         return [places for places in kinds.values() if len(places) > 1]
+
+    def _unlike(self, theta: NDArray[np.float64]) -> list[int]:
+        """Return the groups without those that may change places with an earlier one as good as it.
+
+        A step of the one leads to what a step of the other leads to, units renamed.
+        """
+        rows = theta.reshape(len(self.groups), -1)
+        found: list[int] = []
+        for place, row in enumerate(rows):
+            alike = next((set(places) for places in self._alike if place in places), {place})
+            earlier = alike.intersection(found)
+            if not any(np.abs(rows[other] - row).max() < SAME_PLACE for other in earlier):
+                found.append(place)
+        return found
 
     def _stable(self, theta: NDArray[np.float64]) -> Evaluation | None:
         """Evaluate a start, its gains lowered until the loop is stable.

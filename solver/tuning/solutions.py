@@ -47,6 +47,7 @@ PASSED_ON = 6  # optima with fewer demands that one with more starts from
 STARTS_PER_PARAMETER = 3
 STARTS_BEFORE_HOPS = 2  # a parameter, where the search goes on from the best optimum
 STARTS_WITH_LEADS = 5  # as before, where fast and slow derivatives have optima far apart
+STARTS_BESIDE_TIED = 1  # a group, where those merged in many ways have been searched before
 STARTS_OF_OTHER_SIGNS = 6  # times as many: most of them are unstable at any gain
 NEAREST = 3  # searches whose way towards the demand is gone to its end, where none meets it
 MATTERS = 10.0  # times the shortest time of the starts
@@ -104,6 +105,8 @@ class Solutions:
         if self.specification.starts is not None:
             return self.specification.starts
         groups = len(freedom.groups)
+        if len(list(self._tied(freedom))) > 1:
+            return STARTS_BESIDE_TIED * groups
         lead = "derivative_time" in freedom.kind.parameters
         each = STARTS_PER_PARAMETER
         if groups > 1:
@@ -384,7 +387,7 @@ class Solutions:
                 candidate = search.exact.measure(theta, search.objective.evaluate(theta).s)
                 if math.isfinite(candidate.value) and self._is_better(search, candidate, best):
                     best = candidate
-        polished = search.polish()
+        polished = search.polish(math.inf if best is None else best.value)
         if best is not None and all(best.value < found.value for found in polished):
             # A last descent from there: what the freedom costs in rounding it gives back.
             polished += filter(None, [search.exact.descend(best.theta)])

@@ -7,7 +7,7 @@ is. The rows of the fixed frequencies of all loops come first, those of the foll
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -34,10 +34,13 @@ class Together:
     ----------
     parts : tuple of LoopObjective
         One a loop, at least one, with the same goal, kind, signs and penalty.
+    alike : (pairs, 2)
+        Controllers that may change places: every level stays what it is.
 
     """
 
     parts: tuple[LoopObjective, ...]
+    alike: NDArray[np.int64] = field(default_factory=lambda: np.empty((0, 2), np.int64))
 
     @property
     def goal(self) -> Goal:
