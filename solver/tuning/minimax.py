@@ -122,18 +122,19 @@ def minimise(
     radius = FIRST_RADIUS
     B = np.eye(here.theta.size) * FIRST_CURVATURE
     bundle: list[Evaluation] = []
+    mirrored = bool(objective.alike.size)
     for _ in range(max_iterations):
         checkpoint(here.value)
         if enough(here):
             break
-        model = _Model(objective, box, B, radius, bundle)
+        model = _Model(objective, box, B, radius, bundle, mirrored)
         step = model.step(here)
         if step is None or step.promise < tolerance:
-            if not bundle:
+            if not bundle and not mirrored:
                 break
             # Planes of points too far off may hide a descent, and so may the curvature that
             # gradients on both sides of a bend pretend.
-            bundle, B = [], np.eye(here.theta.size) * FIRST_CURVATURE
+            bundle, mirrored, B = [], False, np.eye(here.theta.size) * FIRST_CURVATURE
             continue
         there = objective.evaluate(box.clip(here.theta + step.d), near=here)
         if not here.merit - there.merit > ENOUGH * step.promise:
@@ -144,7 +145,7 @@ def minimise(
             B = updated(B, step.d, step.multipliers, here.gradient, there.gradient)
             if fall > 0.7 * step.promise and length > 0.5 * radius:
                 radius = min(2 * radius, LARGEST_RADIUS)
-            here = there
+            here, mirrored = there, bool(objective.alike.size)
             bundle = [e for e in bundle if np.abs(e.theta - here.theta).max() < NEAR]
             continue
         seen, here = here, _seen_anew(objective, here, there, tolerance)
@@ -167,13 +168,17 @@ class _Step:
 
 @dataclass(frozen=True)
 class _Model:
-    """The linearised problem; the bundle's planes stand beside those of the present point."""
+    """The linearised problem; the bundle's planes stand beside those of the present point.
+
+    So do, where `mirrored`, those of like controllers in each other's place.
+    """
 
     objective: Together
     box: Box
     B: NDArray[np.float64]
     radius: float
     bundle: Sequence[Evaluation]
+    mirrored: bool
 
     def step(self, here: Evaluation, trial: Evaluation | None = None) -> _Step | None:
         """Return the model's best step from `here`, or None if the program has no solution.
@@ -186,7 +191,7 @@ class _Model:
         if trial is not None:
             base = self._room(trial, here) - here.gradient @ (trial.theta - here.theta)
         below = 0 if self.box.limits is None else self.box.limits.size
-        alike = self.objective.alike
+        alike = self.objective.alike if self.mirrored else self.objective.alike[:0]
         A = np.empty(((1 + len(alike) + len(self.bundle)) * room.size + below, size + 2))
         limits = np.empty(len(A))
         first = filled = room_planes(here.gradient, room, room, base, slope, A, limits, 0)

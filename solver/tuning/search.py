@@ -638,9 +638,9 @@ class GroupingSearch:
         return [places for places in kinds.values() if len(places) > 1]
 
     def _unlike(self, theta: NDArray[np.float64]) -> list[int]:
-        """Return the groups without those that may change places with an earlier one as good as it.
+        """Return the groups of which none may change places with one as good as equal before it.
 
-        A step of the one leads to what a step of the other leads to, units renamed.
+        A step of either leads to the same settings, units renamed.
         """
         rows = theta.reshape(len(self.groups), -1)
         found: list[int] = []
