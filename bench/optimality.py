@@ -57,7 +57,7 @@ def measure(name, plant, limit, arrangement, sizes=None, uncertainty=USUAL, tau_
     )
     for theta in search.starts(4 * search.box.low.size):
         search.descend(theta)
-    peaks = min(search.polish(), key=lambda candidate: candidate.value).peaks
+    peaks = min(search.polish(math.inf), key=lambda candidate: candidate.value).peaks
     started = time.process_time()
 
     def checkpoint():
