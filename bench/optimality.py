@@ -5,6 +5,7 @@ settings and with two different ones; then the least peak of mu at tau_P = 10 an
 gets at most `s` CPU seconds.
 """
 
+import math
 import sys
 import time
 from contextlib import suppress
