@@ -47,7 +47,8 @@ PASSED_ON = 6  # optima with fewer demands that one with more starts from
 STARTS_PER_PARAMETER = 3
 STARTS_BEFORE_HOPS = 2  # a parameter, where the search goes on from the best optimum
 STARTS_WITH_LEADS = 5  # as before, where fast and slow derivatives have optima far apart
-STARTS_BESIDE_TIED = 2  # a group, where those merged in many ways have been searched before
+MANY = 4  # groups, from which those merged into two in all ways have most of the optima:
+STARTS_BESIDE_TIED = 3  # then, a group
 STARTS_OF_OTHER_SIGNS = 6  # times as many: most of them are unstable at any gain
 NEAREST = 3  # searches whose way towards the demand is gone to its end, where none meets it
 MATTERS = 10.0  # times the shortest time of the starts
@@ -105,7 +106,7 @@ class Solutions:
         if self.specification.starts is not None:
             return self.specification.starts
         groups = len(freedom.groups)
-        if len(list(self._tied(freedom))) > 1:
+        if groups >= MANY and len(list(self._tied(freedom))) > 1:
             return STARTS_BESIDE_TIED * groups
         lead = "derivative_time" in freedom.kind.parameters
         each = STARTS_PER_PARAMETER
