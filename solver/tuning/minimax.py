@@ -24,13 +24,7 @@ from typing import TYPE_CHECKING
 import daqp
 import numpy as np
 
-from solver.tuning.program import (
-    NEAR_ACTIVE,
-    mirrored_planes,
-    program,
-    room_planes,
-    updated,
-)
+from solver.tuning.program import NEAR_ACTIVE, mirrored_planes, program, room_planes, updated
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -196,16 +190,9 @@ class _Model:
         limits = np.empty(len(A))
         first = filled = room_planes(here.gradient, room, room, base, slope, A, limits, 0)
         filled = mirrored_planes(
-            here.gradient,
-            room,
-            slope,
-            here.theta,
-            self.objective.per_controller,
-            alike,
-            A,
-            limits,
+            here.gradient, room, slope, here.theta, self.objective.per_controller, alike, A, limits,
             filled,
-        )
+        )  # fmt: skip
         for other in self.bundle:
             # Where the level is a minimum of smooth pieces, this is the piece on the other side. It
             # must not cut off the present point, as the tangent of a convex level would.
