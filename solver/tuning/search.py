@@ -437,14 +437,20 @@ class GroupingSearch:
                 left = self._hops()
 
     def _hops(self) -> list[NDArray[np.float64]]:
-        """Return steps along each time of the best optimum, in both directions."""
+        """Return steps from the best optimum along each time; of unlike units along gain and tau_I.
+
+        There a loop has optima with fast and with slow integral action whose k/tau_I is much alike.
+        """
         if not self.optima:
             return []
         per, steps = self.objective.per_controller, np.eye(self.box.low.size)
+        ways = [[time] for time in range(1, per)]
+        if not self.specification.interchangeable:
+            ways.append([0, 1])
         return [
-            sign * HOP * steps[place * per + time]
+            sign * HOP * steps[[place * per + parameter for parameter in way]].sum(axis=0)
             for place in self._unlike(self.optima[0].theta)
-            for time in range(1, per)
+            for way in ways
             for sign in (-1, 1)
         ]
 
