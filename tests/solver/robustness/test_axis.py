@@ -8,6 +8,7 @@ import pytest
 from solver.certificate.record import Certificate, Claim
 from solver.certificate.search import certify
 from solver.certificate.verify import check
+from solver.model.blocks import group_loops
 from solver.model.controllers import Controller
 from solver.model.errors import InvalidInputError
 from solver.model.plants import MatrixPlant, ParallelPlant, Plant, first_order
@@ -15,6 +16,7 @@ from solver.model.transfer_function import TransferFunction
 from solver.model.weights import Performance, Uncertainty
 from solver.robustness.analysis import analyse
 from solver.robustness.axis import BRACKET, proven_peaks
+from solver.robustness.curves import LoopAnalysis
 from solver.robustness.record import GuaranteeStatus
 from solver.stability.closed_loop import is_stable
 from tests.solver.robustness.unusual_loops import (
@@ -26,7 +28,7 @@ from tests.solver.robustness.unusual_loops import (
     matrices,
     unstable_count,
 )
-from tests.zoo import ZOO
+from tests.zoo import USUAL, ZOO
 
 COARSE = 3_000  # points of a check here; the bench takes 20,000
 TAU_P = 30.0
@@ -301,3 +303,17 @@ def test_no_peak_is_made_of_rounding_where_integrators_cancel() -> None:
     # The weak direction: gain 3/2, so |w_P S| -> (1/(2 tau_P s)) s/(0.01 * 1.5) = 1/0.6.
     assert found.peaks.nominal_performance.value == pytest.approx(1 / 0.6, rel=1e-3)
     assert 1 / 0.6 < found.peaks.robust_performance.value < 3
+
+
+def test_the_highest_of_many_maxima_nearly_alike_is_refined() -> None:
+    """A long dead time in the interaction turns often: the samples show another maximum higher."""
+    process, late = (TransferFunction((a,), (1000, 1), delay) for a, delay in ((1, 0), (0.5, 100)))
+    plant = ParallelPlant(2, process, late)
+    loops = [Controller(436.37877725, 1243.9178658), Controller(251.27992095, 923.7943903)]
+    performance = Performance(tau_p=4.12761)
+    found = proven_peaks(plant, USUAL, performance, loops).peaks.robust_performance
+    blocks, controllers = group_loops(plant, loops)
+    dense = LoopAnalysis(blocks, controllers, USUAL, performance).robust_performance(
+        np.linspace(0.4582, 0.4585, 301)
+    )
+    assert found.value == pytest.approx(dense.max(), rel=1e-8)
