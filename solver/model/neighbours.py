@@ -26,7 +26,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -220,14 +220,6 @@ class Mode:
     cosines: NDArray[np.float64]
     sines: NDArray[np.float64] | None
     multiplicity: int
-
-    def response(self, sections: NDArray[Any]) -> NDArray[np.complex128]:
-        """Return the block (k, m, m) from the responses of the sections (q, k, p, p)."""
-        real = np.tensordot(self.cosines, sections, axes=1)
-        if self.sines is None:
-            return np.asarray(real)
-        turned = np.tensordot(self.sines, sections, axes=1)
-        return np.asarray(np.block([[real, -turned], [turned, real]]))
 
 
 def modes(plant: NeighbourPlant, places: int) -> tuple[Mode, ...]:

@@ -42,7 +42,6 @@ __all__ = [
     "Plant",
     "SumOfElements",
     "WeightedElement",
-    "evaluated",
     "first_order",
 ]
 
@@ -94,18 +93,6 @@ class SumOfElements:
     def dead_time(self) -> float:
         """The shortest one: when anything begins."""
         return min((element.dead_time for _, element in self.terms), default=0.0)
-
-
-def evaluated(
-    rows: Sequence[Sequence[TransferFunction | SumOfElements]], s: NDArray[np.complex128]
-) -> NDArray[np.complex128]:
-    """Return a table of elements at the complex points `s` (k,), (k, rows, columns)."""
-    values = {element: element(s) for row in rows for element in row}
-    G = np.empty((s.size, len(rows), len(rows[0])), dtype=complex)
-    for index, row in enumerate(rows):
-        for column, element in enumerate(row):
-            G[:, index, column] = values[element]
-    return G
 
 
 class Plant(ABC):
@@ -175,7 +162,13 @@ class Plant(ABC):
 
     def response(self, omega: ArrayLike) -> NDArray[np.complex128]:
         """Frequency response at `omega` (k,) > 0, as (k, n, n) complex, in its order."""
-        return evaluated(self.rows, np.asarray(1j * frequencies(omega)))
+        rows, s = self.rows, np.asarray(1j * frequencies(omega))
+        values = {element: element(s) for row in rows for element in row}
+        G = np.empty((s.size, self.n, self.n), dtype=complex)
+        for index, row in enumerate(rows):
+            for column, element in enumerate(row):
+                G[:, index, column] = values[element]
+        return G
 
     def static_gain(self) -> NDArray[np.float64]:
         """G(0), (n, n); infinite entries for integrating elements."""

@@ -194,10 +194,9 @@ class GroupingSearch:
     def _together(self, parts: tuple[LoopObjective, ...]) -> Together:
         """Return the levels of all parts; controllers change places where no level tells them."""
         one_by_one = any(part.alone is not None or part.service is not None for part in parts)
-        pairs = [pair for places in self._alike for pair in combinations(places, 2)]
-        if one_by_one or not pairs:
+        if one_by_one or not self._like_pairs:
             return Together(parts)
-        return Together(parts, np.array(pairs))
+        return Together(parts, np.array(self._like_pairs))
 
     def worst_of_spread(self, candidate: Candidate) -> tuple[Case, SpreadOutcome, float] | None:
         """Return the worst plant found in the boxes of the cases in sight, and its exact s.
@@ -415,7 +414,7 @@ class GroupingSearch:
             return
         best = self.optima[0].theta
         for pair in combinations(range(len(self.groups)), 2):
-            if any(set(pair) <= set(alike) for alike in self._alike):
+            if pair in self._like_pairs:
                 continue
             theta = best.reshape(len(self.groups), -1).copy()
             theta[list(pair)] = theta[list(pair[::-1])]
@@ -643,6 +642,11 @@ class GroupingSearch:
             kinds.setdefault((len(group), self.freedom.signs[place]), []).append(place)
         return [places for places in kinds.values() if len(places) > 1]
 
+    @cached_property
+    def _like_pairs(self) -> list[tuple[int, int]]:
+        """Pairs of groups that may change places, the earlier one first."""
+        return [pair for places in self._alike for pair in combinations(places, 2)]
+
     def _unlike(self, theta: NDArray[np.float64]) -> list[int]:
         """Return the groups of which none may change places with one as good as equal before it.
 
@@ -651,9 +655,8 @@ class GroupingSearch:
         rows = theta.reshape(len(self.groups), -1)
         found: list[int] = []
         for place, row in enumerate(rows):
-            alike = next((set(places) for places in self._alike if place in places), {place})
-            earlier = alike.intersection(found)
-            if not any(np.abs(rows[other] - row).max() < SAME_PLACE for other in earlier):
+            alike = (other for other in found if (other, place) in self._like_pairs)
+            if not any(np.abs(rows[other] - row).max() < SAME_PLACE for other in alike):
                 found.append(place)
         return found
 
